@@ -8,7 +8,7 @@ use nalgebra::Point3;
 const SIZE: [u32; 2] = [320, 240];
 
 /// A large floor and `others`, in ambient light only.
-fn dim(others: Vec<RenderItem>, objects: usize) -> RenderScene {
+pub(super) fn dim(others: Vec<RenderItem>, objects: usize) -> RenderScene {
     let floor = Shape::Cuboid {
         half: [2.0, 2.0, 0.05],
     };
@@ -32,7 +32,7 @@ fn greens(frame: &Frame, places: impl Iterator<Item = [f64; 3]>) -> Vec<i32> {
 }
 
 /// A can, 12 cm tall.
-fn can(object: usize) -> RenderItem {
+pub(super) fn can(object: usize) -> RenderItem {
     let can = Shape::Cylinder {
         radius: 0.04,
         half_height: 0.06,
@@ -101,6 +101,33 @@ fn every_object_of_a_row_darkens_the_floor() {
     for (i, (a, b)) in gone.iter().zip(&standing).enumerate() {
         assert!(a - b >= 8, "can {i}: {gone:?} {standing:?}");
     }
+}
+
+#[test]
+fn moved_objects_darken_as_in_a_new_renderer() {
+    let count = 3;
+    let scene = dim((0..count).map(can).collect(), count);
+    let eye = looking([0.0, -1.0, 1.2], [0.0, 0.0, 0.0]);
+    let eye = camera(eye, Intrinsics::centred(SIZE, 1.0));
+    let new = || renderer(&scene, std::slice::from_ref(&eye), Quality::Standard);
+    let Some(mut moved) = new() else {
+        return;
+    };
+    let row = |step: usize| -> Vec<[f64; 3]> {
+        // One moves, one moves out of view and back, one stands.
+        let away = if step % 2 == 1 { 40.0 } else { 0.0 };
+        let shift = 0.02 * step as f64;
+        vec![[shift, 0.0, 0.06], [0.2, away, 0.06], [-0.2, 0.0, 0.06]]
+    };
+    let mut images = Vec::new();
+    for step in 0..4 {
+        let now = snapshot(&row(step));
+        let image = moved.render(&now, &[0]).unwrap().remove(0);
+        let expected = new().unwrap().render(&now, &[0]).unwrap().remove(0);
+        assert!(image.rgb == expected.rgb, "step {step}");
+        images.push(image.rgb);
+    }
+    assert!(images[0] != images[2]);
 }
 
 #[test]

@@ -85,6 +85,17 @@ impl Finish {
     /// Number of variants without an appearance.
     pub(super) const PLAIN: usize = 8;
 
+    /// Its index in [`Self::ALL`].
+    pub(super) fn index(self) -> usize {
+        let shine = match self.shine {
+            Shine::Glossy => 0,
+            Shine::Matte => 2,
+            Shine::Mirror => 8,
+            Shine::Glass => 10,
+        };
+        shine + 4 * usize::from(self.textured) + usize::from(!self.sunny)
+    }
+
     /// Whether items of `material` use it.
     fn suits(self, material: &Material, tier: Tier) -> bool {
         let metal = material.metallic >= MIRROR_METALLIC && material.roughness <= MIRROR_ROUGHNESS;

@@ -12,6 +12,7 @@
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::ambient_map::{PlacedChart, PlacedCharts};
+use super::buffers::{Batch, Body, Shine};
 use super::culling_clusters::{Cluster, Outline, Piece};
 use super::scene::Binding;
 use super::view::View;
@@ -121,6 +122,10 @@ impl PlacedOccluder {
         if height + rise <= 0.0 || height - rise >= reach {
             return None;
         }
+        let most = VISIBLE * reach + 1.25 * half_length;
+        if piece.outline.distance_of_box(&self.centre) > most {
+            return None;
+        }
         // Distance to the nearest of five points along the axis.
         let outside = |along: f64| {
             let at = self.centre + self.axis * (along * half_length);
@@ -208,88 +213,204 @@ impl GpuOccluder {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 struct List {
-    /// Width and height of the ambient map, metres.
+    /// Width and height of the ambient map, metres; number of capsules.
     extent: [f32; 4],
     occluders: [GpuOccluder; MOST],
+}
+
+/// The capsules in the world and the pieces that they may darken. Only capsules that moved
+/// are compared with the pieces again.
+pub(super) struct Nearby {
+    occluders: Vec<Occluder>,
+    /// Each with the pose of its body; `None` before the first image.
+    placed: Vec<Option<(Isometry3<f64>, PlacedOccluder)>>,
+    /// Whether `of_cluster` contains each capsule at its present place.
+    compared: Vec<bool>,
+    /// Numbers of the clusters near each capsule.
+    clusters: Vec<Vec<usize>>,
+    /// By the number of a cluster, ordered by piece, gap and capsule.
+    of_cluster: Vec<Vec<Near>>,
+}
+
+/// A capsule near a piece.
+#[derive(Clone, Copy)]
+struct Near {
+    /// Index of the piece in its cluster.
+    piece: usize,
+    gap: f64,
+    capsule: usize,
+}
+
+impl Nearby {
+    /// Numbers the clusters that have pieces. Only static bodies are darkened; their frame
+    /// is that of the world.
+    pub(super) fn new(occluders: Vec<Occluder>, bodies: &[Body], batches: &mut [Batch]) -> Self {
+        let mut numbers = 0..;
+        for batch in batches {
+            let is_static = bodies[batch.body].binding == Binding::World;
+            if !is_static || batch.finish.shine == Shine::Glass {
+                continue;
+            }
+            for cluster in batch.full.iter_mut().chain(&mut batch.coarse) {
+                if !cluster.pieces.is_empty() {
+                    cluster.number = numbers.next();
+                }
+            }
+        }
+        let count = occluders.len();
+        Self {
+            occluders,
+            placed: (0..count).map(|_| None).collect(),
+            compared: vec![false; count],
+            clusters: vec![Vec::new(); count],
+            of_cluster: vec![Vec::new(); numbers.start],
+        }
+    }
+
+    /// Moves the capsules to the poses of their bodies.
+    pub(super) fn place(&mut self, poses: &[Isometry3<f64>]) {
+        let all = self.occluders.iter().zip(&mut self.placed);
+        for ((occluder, placed), compared) in all.zip(&mut self.compared) {
+            let pose = &poses[occluder.body];
+            if placed.as_ref().is_none_or(|(old, _)| old != pose) {
+                *placed = Some((*pose, occluder.placed(pose)));
+                *compared = false;
+            }
+        }
+    }
+
+    /// Selects the capsules that may darken surfaces in view.
+    pub(super) fn in_view<'a>(
+        &'a mut self,
+        view: &View,
+        batches: &[Batch],
+        charts: &'a PlacedCharts,
+    ) -> Contacts<'a> {
+        let share = |p: &PlacedOccluder| {
+            let radius = p.capsule.half_length + p.capsule.reach;
+            let distance = view.distance(&p.centre, radius)?;
+            let [from, to] = APPEARS;
+            let share = (p.capsule.reach / distance.max(1e-3) - from) / (to - from);
+            (share > 0.0).then_some(share.min(1.0))
+        };
+        let placed = self.placed.iter();
+        let shares: Vec<Option<f64>> = placed
+            .map(|placed| placed.as_ref().and_then(|(_, p)| share(p)))
+            .collect();
+        for (capsule, share) in shares.iter().enumerate() {
+            if share.is_some() && !self.compared[capsule] {
+                self.compare(capsule, batches, charts);
+            }
+        }
+        Contacts {
+            charts,
+            nearby: self,
+            shares,
+            lists: Vec::new(),
+        }
+    }
+
+    /// Finds the pieces near a capsule.
+    fn compare(&mut self, capsule: usize, batches: &[Batch], charts: &PlacedCharts) {
+        let Some((_, placed)) = &self.placed[capsule] else {
+            return;
+        };
+        self.compared[capsule] = true;
+        for cluster in self.clusters[capsule].drain(..) {
+            self.of_cluster[cluster].retain(|near| near.capsule != capsule);
+        }
+        for batch in batches {
+            if !placed.reaches(&batch.centre, batch.radius) {
+                continue;
+            }
+            for cluster in batch.full.iter().chain(&batch.coarse) {
+                let Some(number) = cluster.number else {
+                    continue;
+                };
+                if !placed.reaches(&cluster.centre, cluster.radius) {
+                    continue;
+                }
+                let all = &mut self.of_cluster[number];
+                let before = all.len();
+                for (index, piece) in cluster.pieces.iter().enumerate() {
+                    let chart = charts.placed.get(piece.chart).and_then(Option::as_ref);
+                    let gap = chart.and_then(|chart| placed.gap(piece, chart));
+                    all.extend(gap.map(|gap| Near {
+                        piece: index,
+                        gap,
+                        capsule,
+                    }));
+                }
+                if all.len() > before {
+                    self.clusters[capsule].push(number);
+                    all.sort_by(|a, b| {
+                        let order = a.piece.cmp(&b.piece).then(a.gap.total_cmp(&b.gap));
+                        order.then(a.capsule.cmp(&b.capsule))
+                    });
+                }
+            }
+        }
+    }
 }
 
 /// The capsules near the view of one camera, and the lists of them for the pieces.
 pub(super) struct Contacts<'a> {
     charts: &'a PlacedCharts,
-    /// Each with the share of its occlusion that the distance to the camera leaves.
-    near: Vec<(&'a PlacedOccluder, f64)>,
-    /// Index of a chart, and indices into `near`.
+    nearby: &'a Nearby,
+    /// The share of the occlusion of each capsule that the distance to the camera leaves.
+    shares: Vec<Option<f64>>,
+    /// Index of a chart, and indices of capsules.
     lists: Vec<(usize, Vec<usize>)>,
 }
 
-impl<'a> Contacts<'a> {
-    /// Selects the capsules that may darken surfaces in view.
-    pub(super) fn in_view(
-        view: &View,
-        placed: &'a [PlacedOccluder],
-        charts: &'a PlacedCharts,
-    ) -> Self {
-        let near = |p: &'a PlacedOccluder| {
-            let radius = p.capsule.half_length + p.capsule.reach;
-            let distance = view.distance(&p.centre, radius)?;
-            let [from, to] = APPEARS;
-            let share = (p.capsule.reach / distance.max(1e-3) - from) / (to - from);
-            (share > 0.0).then_some((p, share.min(1.0)))
-        };
-        Self {
-            charts,
-            near: placed.iter().filter_map(near).collect(),
-            lists: Vec::new(),
-        }
-    }
-
-    /// Indices of the capsules that may darken a batch: those that reach its bounding
-    /// sphere. Only static bodies are darkened; their frame is that of the world.
-    pub(super) fn candidates_for_batch(
-        &self,
-        binding: &Binding,
-        centre: &Point3<f64>,
-        radius: f64,
-    ) -> Vec<usize> {
-        if *binding != Binding::World {
-            return Vec::new();
-        }
-        let reaches = |i: &usize| self.near[*i].0.reaches(centre, radius);
-        (0..self.near.len()).filter(reaches).collect()
-    }
-
-    /// Those of `candidates` that reach the bounding sphere of a cluster.
-    pub(super) fn candidates_for_cluster(
-        &self,
-        candidates: &[usize],
+impl Contacts<'_> {
+    /// Calls `darkened` for the pieces of a cluster with a nearby capsule, in order, with
+    /// the index of the list of each. Pieces of one chart share a list of few capsules, so
+    /// that they are rendered together.
+    pub(super) fn for_each_piece(
+        &mut self,
         cluster: &Cluster,
-    ) -> Vec<usize> {
-        let reaches = |i: &&usize| self.near[**i].0.reaches(&cluster.centre, cluster.radius);
-        candidates.iter().filter(reaches).copied().collect()
+        mut darkened: impl FnMut(&Piece, usize),
+    ) {
+        let nearby = self.nearby;
+        let all = cluster
+            .number
+            .map_or(&[][..], |i| &nearby.of_cluster[i][..]);
+        for near in all.chunk_by(|a, b| a.piece == b.piece) {
+            let mut own = [0; MOST];
+            let mut count = 0;
+            let in_view = near
+                .iter()
+                .filter(|near| self.shares[near.capsule].is_some());
+            for (to, near) in own.iter_mut().zip(in_view) {
+                *to = near.capsule;
+                count += 1;
+            }
+            let piece = &cluster.pieces[near[0].piece];
+            if let Some(list) = self.list(piece.chart, &own[..count]) {
+                darkened(piece, list);
+            }
+        }
     }
 
-    /// Index of the list for a piece of a batch; `None` without a nearby capsule. Pieces of
-    /// one chart share a list of few capsules, so that they are rendered together.
-    pub(super) fn list_for_piece(&mut self, candidates: &[usize], piece: &Piece) -> Option<usize> {
-        let chart = self.charts.placed.get(piece.chart)?.as_ref()?;
-        let gap = |&i: &usize| Some((self.near[i].0.gap(piece, chart)?, i));
-        let mut found: Vec<(f64, usize)> = candidates.iter().filter_map(gap).collect();
-        if found.is_empty() {
+    /// Index of the list for a piece with nearby capsules, the nearest first.
+    fn list(&mut self, chart: usize, own: &[usize]) -> Option<usize> {
+        if own.is_empty() {
             return None;
         }
-        found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        found.truncate(MOST);
-        let own: Vec<usize> = found.into_iter().map(|(_, i)| i).collect();
-        let fitting = self.lists.iter().rposition(|(chart, list)| {
-            let added = own.iter().filter(|i| !list.contains(i)).count();
-            let shared = list.len() + added;
-            *chart == piece.chart && (added == 0 || shared <= MOST_SHARED)
+        let fitting = self.lists.iter().rposition(|(of, list)| {
+            let added = || own.iter().filter(|i| !list.contains(i)).count();
+            *of == chart
+                && match added() {
+                    0 => true,
+                    added => list.len() + added <= MOST_SHARED,
+                }
         });
         if let Some(fitting) = fitting {
             let list = &mut self.lists[fitting].1;
             for i in own {
-                if !list.contains(&i) {
-                    list.push(i);
+                if !list.contains(i) {
+                    list.push(*i);
                 }
             }
             return Some(fitting);
@@ -297,7 +418,7 @@ impl<'a> Contacts<'a> {
         if self.lists.len() + 1 >= MOST_LISTS {
             return None;
         }
-        self.lists.push((piece.chart, own));
+        self.lists.push((chart, own.to_vec()));
         Some(self.lists.len() - 1)
     }
 
@@ -316,13 +437,15 @@ impl<'a> Contacts<'a> {
         let mut bytes = vec![0; self.lists.len() * STRIDE as usize];
         for ((chart, list), to) in self.lists.iter().zip(bytes.chunks_mut(STRIDE as usize)) {
             let mut own = List {
-                extent: [width, height, 0.0, 0.0],
+                extent: [width, height, list.len() as f32, 0.0],
                 occluders: [GpuOccluder::NONE; MOST],
             };
             if let Some(Some(chart)) = self.charts.placed.get(*chart) {
                 for (to, from) in own.occluders.iter_mut().zip(list) {
-                    let (occluder, share) = &self.near[*from];
-                    *to = occluder.on_chart(chart, *share);
+                    let placed = &self.nearby.placed[*from];
+                    if let (Some((_, placed)), Some(share)) = (placed, self.shares[*from]) {
+                        *to = placed.on_chart(chart, share);
+                    }
                 }
             }
             to[..LIST as usize].copy_from_slice(bytemuck::bytes_of(&own));

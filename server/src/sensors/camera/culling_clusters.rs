@@ -19,6 +19,8 @@ pub(super) struct Cluster {
     pub(super) mapped: bool,
     /// Those of its triangles that are on charts of the ambient map, in order.
     pub(super) pieces: Vec<Piece>,
+    /// Its number among the clusters that objects may darken.
+    pub(super) number: Option<usize>,
 }
 
 /// Neighbouring triangles on one chart of the ambient map.
@@ -37,6 +39,20 @@ pub(super) enum Outline {
     Triangle([Point3<f64>; 3]),
     /// Centre and half extents of the bounding box.
     Bounds(Point3<f64>, Vector3<f64>),
+}
+
+impl Outline {
+    /// Distance of a point to the bounding box.
+    pub(super) fn distance_of_box(&self, p: &Point3<f64>) -> f64 {
+        let (centre, half) = match self {
+            Self::Triangle([a, b, c]) => {
+                let (low, high) = (a.inf(b).inf(c), a.sup(b).sup(c));
+                (nalgebra::center(&low, &high), (high - low) / 2.0)
+            }
+            Self::Bounds(centre, half) => (*centre, *half),
+        };
+        ((p - centre).abs() - half).map(|x| x.max(0.0)).norm()
+    }
 }
 
 /// Constraints on the triangles of a batch.
@@ -124,6 +140,7 @@ fn halve(
         radius: radius + division.reach,
         mapped: false,
         pieces: Vec::new(),
+        number: None,
     });
 }
 

@@ -11,15 +11,14 @@ use super::culling_clusters::Cluster;
 use super::pipelines::Ambient;
 use super::scene::Binding;
 use super::surroundings::Surroundings;
-use super::view::View;
+use super::view::{Placed, View};
 
-/// Triangles of all bodies and the poses of the bodies.
+/// Triangles of all bodies.
 pub(super) struct Geometry {
     vertices: wgpu::Buffer,
     indices: wgpu::Buffer,
-    pub(super) body_rows: wgpu::Buffer,
     pub(super) bodies: Vec<Body>,
-    batches: Vec<Batch>,
+    pub(super) batches: Vec<Batch>,
 }
 
 /// World_from_body as rows; id, ambient occlusion.
@@ -70,12 +69,6 @@ impl Geometry {
                 bytemuck::cast_slice(&buffers.indices),
                 wgpu::BufferUsages::INDEX,
             ),
-            body_rows: device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("bodies"),
-                size: (buffers.bodies.len().max(1) * std::mem::size_of::<BodyRow>()) as u64,
-                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            }),
             bodies: buffers.bodies.clone(),
             batches: buffers.batches.clone(),
         }
@@ -102,101 +95,114 @@ impl Geometry {
         order: Order,
         mut contacts: Option<&mut Contacts<'_>>,
     ) -> Vec<VisibleRange> {
-        let mut visible: Vec<(f64, Finish, Vec<LitRange>)> = self
-            .batches
-            .iter()
-            .filter_map(|batch| {
-                let centre: Point3<f64> = poses[batch.body] * batch.centre;
-                let distance = view.distance(&centre, batch.radius)?;
-                let rank = if batch.radius > 1.5 {
-                    LARGE + batch.radius
-                } else {
-                    distance
-                };
-                let clusters = match distance > view.focal * COARSE_BELOW {
-                    true => &batch.coarse,
-                    false => &batch.full,
-                };
-                let placed = view.placed(&poses[batch.body]);
-                let shown = clusters
-                    .iter()
-                    .filter(|cluster| view.shows(&placed, cluster));
-                let glass = batch.finish.shine == Shine::Glass;
-                let contacts = contacts.as_deref_mut().filter(|_| !glass);
-                let ranges = self.lit_ranges(batch, shown, &centre, contacts);
-                (!ranges.is_empty()).then_some((rank, batch.finish, ranges))
-            })
-            .collect();
-        visible.sort_by(|a, b| a.0.total_cmp(&b.0));
-        if order == Order::Finish {
-            let finish = |of: Finish| Finish::ALL.iter().position(|f| *f == of);
-            visible.sort_by_key(|(rank, of, _)| (*rank >= LARGE, finish(*of)));
+        let mut ranges: Vec<LitRange> = Vec::new();
+        let mut near: Vec<LitRange> = Vec::new();
+        // Rank, finish and ranges of each batch.
+        let mut visible: Vec<(f64, Finish, Range<usize>)> = Vec::new();
+        // Consecutive batches have the same body or are static.
+        let fixed = view.placed(&Isometry3::identity());
+        let mut moving: Option<(usize, Placed)> = None;
+        for batch in &self.batches {
+            let centre: Point3<f64> = poses[batch.body] * batch.centre;
+            let Some(distance) = view.distance(&centre, batch.radius) else {
+                continue;
+            };
+            let rank = if batch.radius > 1.5 {
+                LARGE + batch.radius
+            } else {
+                distance
+            };
+            let clusters = match distance > view.focal * COARSE_BELOW {
+                true => &batch.coarse,
+                false => &batch.full,
+            };
+            let is_static = self.bodies[batch.body].binding == Binding::World;
+            if !is_static && moving.as_ref().is_none_or(|(body, _)| *body != batch.body) {
+                moving = Some((batch.body, view.placed(&poses[batch.body])));
+            }
+            let placed = match &moving {
+                Some((_, placed)) if !is_static => placed,
+                _ => &fixed,
+            };
+            let shown = clusters
+                .iter()
+                .filter(|cluster| view.shows(placed, cluster));
+            let first = ranges.len();
+            let glass = batch.finish.shine == Shine::Glass;
+            let contacts = contacts.as_deref_mut().filter(|_| !glass);
+            add_lit_ranges(&mut ranges, &mut near, shown, contacts);
+            if ranges.len() > first {
+                visible.push((rank, batch.finish, first..ranges.len()));
+            }
         }
-        // Glass is last, from back to front.
+        let key = |rank: f64, finish: Finish| match order {
+            Order::Finish => (rank >= LARGE, finish.index()),
+            Order::Depth => (false, 0),
+        };
+        visible.sort_by(|a, b| {
+            let order = key(a.0, a.1).cmp(&key(b.0, b.1));
+            order.then(a.0.total_cmp(&b.0))
+        });
+        // Glass comes last, from back to front.
         let (glass, mut visible): (Vec<_>, Vec<_>) = visible
             .into_iter()
             .partition(|(_, finish, _)| finish.shine == Shine::Glass);
         visible.extend(glass.into_iter().rev());
-        let pieces = |(_, finish, ranges): (f64, Finish, Vec<LitRange>)| {
-            let piece = move |(ambient, indices)| VisibleRange {
+        let pieces = |(_, finish, own): (f64, Finish, Range<usize>)| {
+            let piece = move |(ambient, indices): &LitRange| VisibleRange {
                 finish,
-                ambient,
-                indices,
+                ambient: *ambient,
+                indices: indices.clone(),
             };
-            ranges.into_iter().map(piece)
+            ranges[own].iter().map(piece)
         };
         visible.into_iter().flat_map(pieces).collect()
     }
+}
 
-    /// Triangles of the clusters of a batch, grouped by the source of their ambient
-    /// light. Those with contacts come last.
-    fn lit_ranges<'a>(
-        &self,
-        batch: &Batch,
-        clusters: impl Iterator<Item = &'a Cluster>,
-        centre: &Point3<f64>,
-        contacts: Option<&mut Contacts<'_>>,
-    ) -> Vec<LitRange> {
-        let mut ranges: Vec<LitRange> = Vec::new();
-        let Some(contacts) = contacts else {
-            for cluster in clusters {
-                extend(&mut ranges, Ambient::Vertices, &cluster.indices);
-            }
-            return ranges;
-        };
-        let body = &self.bodies[batch.body];
-        let candidates = contacts.candidates_for_batch(&body.binding, centre, batch.radius);
-        let mut near: Vec<LitRange> = Vec::new();
+/// Appends the triangles of the clusters of a batch, grouped by the source of their ambient
+/// light. Those with contacts come last. `near` is empty before and after.
+fn add_lit_ranges<'a>(
+    ranges: &mut Vec<LitRange>,
+    near: &mut Vec<LitRange>,
+    clusters: impl Iterator<Item = &'a Cluster>,
+    contacts: Option<&mut Contacts<'_>>,
+) {
+    let first = ranges.len();
+    let Some(contacts) = contacts else {
         for cluster in clusters {
-            let plain = match cluster.mapped {
-                true => Ambient::Map,
-                false => Ambient::Vertices,
-            };
-            let candidates = contacts.candidates_for_cluster(&candidates, cluster);
-            let mut start = cluster.indices.start;
-            for piece in cluster.pieces.iter().filter(|_| !candidates.is_empty()) {
-                if let Some(list) = contacts.list_for_piece(&candidates, piece) {
-                    extend(&mut ranges, plain, &(start..piece.indices.start));
-                    start = piece.indices.end;
-                    let mapped = cluster.mapped;
-                    let ambient = Ambient::Contacts { list, mapped };
-                    extend(&mut near, ambient, &piece.indices);
-                }
-            }
-            extend(&mut ranges, plain, &(start..cluster.indices.end));
+            extend(ranges, first, Ambient::Vertices, &cluster.indices);
         }
-        ranges.append(&mut near);
-        ranges
+        return;
+    };
+    for cluster in clusters {
+        let mapped = cluster.mapped;
+        let plain = match mapped {
+            true => Ambient::Map,
+            false => Ambient::Vertices,
+        };
+        let mut start = cluster.indices.start;
+        contacts.for_each_piece(cluster, |piece, list| {
+            extend(ranges, first, plain, &(start..piece.indices.start));
+            start = piece.indices.end;
+            let ambient = Ambient::Contacts { list, mapped };
+            extend(near, 0, ambient, &piece.indices);
+        });
+        extend(ranges, first, plain, &(start..cluster.indices.end));
     }
+    ranges.append(near);
 }
 
 /// Triangles and the source of their ambient light.
 type LitRange = (Ambient, Range<u32>);
 
-/// Appends triangles, and merges them with the last range if they are adjacent.
-fn extend(ranges: &mut Vec<LitRange>, ambient: Ambient, indices: &Range<u32>) {
-    match ranges.last_mut() {
-        _ if indices.is_empty() => (),
+/// Appends triangles, and merges them with the last range if they are adjacent; ranges
+/// before the index `first` are of other batches.
+fn extend(ranges: &mut Vec<LitRange>, first: usize, ambient: Ambient, indices: &Range<u32>) {
+    if indices.is_empty() {
+        return;
+    }
+    match ranges[first..].last_mut() {
         Some((last, range)) if *last == ambient && range.end == indices.start => {
             range.end = indices.end;
         }

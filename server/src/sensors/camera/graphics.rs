@@ -153,10 +153,10 @@ fn open(adapter: Option<&str>, timed: bool) -> Result<OpenDevice, RenderError> {
     // Held until the device is open.
     let lock = DriverLock::acquire();
     let (info, chosen) = adapter::choose(adapter)?;
-    let features = match timed {
-        true => timing::FEATURES & chosen.features(),
-        false => wgpu::Features::empty(),
-    };
+    let mut features = wgpu::Features::INDIRECT_FIRST_INSTANCE & chosen.features();
+    if timed {
+        features |= timing::FEATURES & chosen.features();
+    }
     let (device, queue) = pollster::block_on(chosen.request_device(&wgpu::DeviceDescriptor {
         required_features: features,
         required_limits: wgpu::Limits {

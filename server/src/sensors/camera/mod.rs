@@ -16,6 +16,7 @@ mod decoration;
 mod deflate;
 mod driver_lock;
 mod error;
+mod frame_data;
 mod geometry;
 mod graphics;
 mod mapping;

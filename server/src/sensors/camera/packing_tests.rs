@@ -1,5 +1,6 @@
 //! Images packed on the GPU equal those packed on the CPU, bit for bit.
 
+use super::ambient_tests::{can, dim};
 use super::tests::{camera, floor_and_box, item, looking, scene, snapshot};
 use super::*;
 use crate::appearance::{Irradiance, Reflection};
@@ -75,6 +76,36 @@ fn both_pack_the_same_bits_of_every_size_and_quality() {
             }
             let ids = one[0].ids();
             assert!(ids.iter().any(|id| *id != ids[0]));
+        }
+    }
+}
+
+#[test]
+fn both_darken_surfaces_near_objects_alike() {
+    // Lists of one to eight capsules, on planes with and without the ambient map.
+    let count = 12;
+    let board = Shape::Cuboid {
+        half: [0.02, 0.5, 0.15],
+    };
+    let mut items: Vec<RenderItem> = (0..count).map(can).collect();
+    items.push(item(&board, [0.6; 3], Binding::World, [0.3, 0.0, 0.15], 40));
+    let scene = dim(items, count);
+    let eye = looking([-0.8, -0.9, 1.1], [0.0, 0.0, 0.0]);
+    let eye = camera(eye, Intrinsics::centred([323, 241], 0.9));
+    for quality in [Quality::Standard, Quality::High] {
+        let Some([mut adapter, mut processor]) = both(&scene, std::slice::from_ref(&eye), quality)
+        else {
+            return;
+        };
+        let near = |i: usize| [0.09 * (i % 3) as f64, 0.09 * (i / 3) as f64, 0.06];
+        let apart = |i: usize| [0.25 * (i % 3) as f64 - 0.4, 0.2 * (i / 3) as f64, 0.06];
+        for place in [near, apart] {
+            let places: Vec<[f64; 3]> = (0..count).map(place).collect();
+            let now = snapshot(&places);
+            let one = adapter.render(&now, &[0]).unwrap();
+            let two = processor.render(&now, &[0]).unwrap();
+            assert!(one[0].rgb == two[0].rgb, "{quality:?}");
+            assert_eq!((&one[0].depth, &one[0].ids), (&two[0].depth, &two[0].ids));
         }
     }
 }

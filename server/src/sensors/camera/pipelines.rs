@@ -28,6 +28,16 @@ pub(super) enum Ambient {
 }
 
 impl Ambient {
+    /// The source as the first instance of a draw; `first` is the index of the first list
+    /// in the buffer.
+    pub(super) fn instance(self, first: usize) -> u32 {
+        match self {
+            Self::Vertices => 0,
+            Self::Map => 1,
+            Self::Contacts { list, mapped } => ((first + list) as u32) << 1 | u32::from(mapped),
+        }
+    }
+
     /// Index of the shader variant; `lists` are the variants of the lists.
     pub(super) fn variant(self, lists: &[usize]) -> usize {
         let of_list = |list: usize| lists.get(list).copied().unwrap_or_default();
@@ -49,14 +59,19 @@ pub(super) struct Pipelines {
     pub(super) scene_layout: wgpu::BindGroupLayout,
     /// Group 1: shadow map.
     pub(super) shadow_layout: wgpu::BindGroupLayout,
-    /// Group 2: the occluders of one draw, at a dynamic offset.
+    /// Group 2 on a CPU adapter: the occluders of one draw, at a dynamic offset.
     pub(super) contact_layout: wgpu::BindGroupLayout,
+    /// Group 2 on a GPU: the occluders of all draws.
+    pub(super) all_contacts_layout: wgpu::BindGroupLayout,
     /// In the order of [`Finish::ALL`]; glass absorbs light first and adds its own in a
     /// second pass.
     surfaces: Vec<(wgpu::RenderPipeline, Option<wgpu::RenderPipeline>)>,
     /// By [`Ambient::variant`] without the first. Created at first use, because few of them
     /// are needed.
     mapped: Vec<[OnceLock<wgpu::RenderPipeline>; MAPPED]>,
+    /// On a GPU: one pipeline per finish for all sources of the ambient light, each created
+    /// at first use. Separate pipelines cost 50 changes per image.
+    drawn: Vec<OnceLock<wgpu::RenderPipeline>>,
     factory: PipelineFactory,
     /// Renders shadow casters.
     pub(super) caster: wgpu::RenderPipeline,
@@ -75,8 +90,7 @@ impl Pipelines {
         finish: Finish,
         variant: usize,
     ) -> (&wgpu::RenderPipeline, Option<&wgpu::RenderPipeline>) {
-        let at = Finish::ALL.iter().position(|f| *f == finish);
-        let at = at.unwrap_or_default();
+        let at = finish.index();
         if finish.shine != Shine::Glass
             && let Some(variant) = variant.checked_sub(1)
             && let Some(mapped) = self.mapped.get(at)
@@ -88,6 +102,20 @@ impl Pipelines {
         (first, second.as_ref())
     }
 
+    /// As [`Self::surface`] on a GPU, for all variants: the first instance of a draw is the
+    /// source of its ambient light.
+    pub(super) fn drawn(
+        &self,
+        finish: Finish,
+    ) -> (&wgpu::RenderPipeline, Option<&wgpu::RenderPipeline>) {
+        match self.drawn.get(finish.index()) {
+            Some(drawn) if finish.shine != Shine::Glass => {
+                (drawn.get_or_init(|| self.factory.drawn(finish)), None)
+            }
+            _ => self.surface(finish, 0),
+        }
+    }
+
     pub(super) fn new(device: &wgpu::Device, tier: Tier) -> Self {
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("shader.wgsl"),
@@ -96,6 +124,7 @@ impl Pipelines {
         let scene_layout = scene_layout(device);
         let shadow_layout = shadow_layout(device);
         let contact_layout = contact_layout(device);
+        let all_contacts_layout = all_contacts_layout(device);
         let layout = |groups: &[Option<&wgpu::BindGroupLayout>]| {
             device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
                 label: None,
@@ -109,16 +138,23 @@ impl Pipelines {
             Some(&shadow_layout),
             Some(&contact_layout),
         ]);
+        let per_draw = layout(&[
+            Some(&scene_layout),
+            Some(&shadow_layout),
+            Some(&all_contacts_layout),
+        ]);
         let short = layout(&[Some(&scene_layout)]);
         let factory = PipelineFactory {
             device: device.clone(),
             module,
             full,
             near,
+            per_draw,
             tier,
         };
-        let drawn =
-            |finish, vertex, fragment, mix| factory.shaded(finish, vertex, fragment, mix, None);
+        let drawn = |finish, vertex, fragment, mix| {
+            factory.shaded(finish, vertex, fragment, mix, Light::Vertices)
+        };
         let surface = |finish: &Finish| {
             let one = |vertex, fragment| (drawn(*finish, vertex, fragment, Mix::Replace), None);
             match (finish.shine, tier.lit) {
@@ -150,6 +186,10 @@ impl Pipelines {
                 true => finishes(tier).iter().map(|_| Default::default()).collect(),
                 false => Vec::new(),
             },
+            drawn: match tier.ambient_per_pixel {
+                true => finishes(tier).iter().map(|_| OnceLock::new()).collect(),
+                false => Vec::new(),
+            },
             caster: place("caster", &PLACE, None, DepthUse::Shadow),
             erase: place("erase", &[], None, DepthUse::Erase),
             outline: tier.separate_ids().then(|| {
@@ -159,6 +199,7 @@ impl Pipelines {
             scene_layout,
             shadow_layout,
             contact_layout,
+            all_contacts_layout,
             drew: AtomicBool::new(false),
             factory,
         }
@@ -171,9 +212,22 @@ struct PipelineFactory {
     module: wgpu::ShaderModule,
     /// Layout without contacts.
     full: wgpu::PipelineLayout,
-    /// Layout with contacts.
+    /// Layout with the contacts of one draw.
     near: wgpu::PipelineLayout,
+    /// Layout with the contacts of all draws.
+    per_draw: wgpu::PipelineLayout,
     tier: Tier,
+}
+
+/// Ambient light of a pipeline.
+#[derive(Clone, Copy)]
+enum Light {
+    /// Per vertex, without capsules.
+    Vertices,
+    /// Number of capsules that darken a pixel, and whether it samples the ambient map.
+    Fixed { near: usize, mapped: bool },
+    /// By the first instance of the draw.
+    PerDraw,
 }
 
 impl PipelineFactory {
@@ -186,20 +240,30 @@ impl PipelineFactory {
         };
         let count = contact::VARIANTS.len();
         let near = variant.checked_sub(1);
-        let near = near.map_or(0, |i| contact::VARIANTS[i % count]);
-        let ambient = (near, variant <= count);
-        self.shaded(finish, vertex, fragment, Mix::Replace, Some(ambient))
+        let light = Light::Fixed {
+            near: near.map_or(0, |i| contact::VARIANTS[i % count]),
+            mapped: variant <= count,
+        };
+        self.shaded(finish, vertex, fragment, Mix::Replace, light)
     }
 
-    /// `ambient`: number of capsules that darken a pixel, and whether it samples the ambient
-    /// map; `None` for light per vertex without capsules.
+    /// The pipeline of a finish other than glass for all sources of the ambient light.
+    fn drawn(&self, finish: Finish) -> wgpu::RenderPipeline {
+        let (vertex, fragment) = match (finish.shine, self.tier.lit) {
+            (Shine::Matte, _) => ("drawn_matte_surface", "drawn_matte_shade"),
+            (_, true) => ("drawn_surface", "drawn_lit_shade"),
+            (_, false) => ("drawn_surface", "drawn_shade"),
+        };
+        self.shaded(finish, vertex, fragment, Mix::Replace, Light::PerDraw)
+    }
+
     fn shaded(
         &self,
         finish: Finish,
         vertex: &str,
         fragment: &str,
         mix: Mix,
-        ambient: Option<(usize, bool)>,
+        light: Light,
     ) -> wgpu::RenderPipeline {
         let tier = self.tier;
         let mut constants = vec![
@@ -213,14 +277,15 @@ impl PipelineFactory {
                 f64::from(u8::from(finish.shine == Shine::Mirror)),
             ),
         ];
-        if let Some((near, mapped)) = ambient {
+        if let Light::Fixed { near, mapped } = light {
             constants.push(("NEAR", near as f64));
             constants.push(("MAPPED", f64::from(u8::from(mapped))));
         }
         let stage = Stage {
-            layout: match ambient {
-                None => &self.full,
-                Some(_) => &self.near,
+            layout: match light {
+                Light::Vertices => &self.full,
+                Light::Fixed { .. } => &self.near,
+                Light::PerDraw => &self.per_draw,
             },
             vertex,
             attributes: &SURFACE,
@@ -434,6 +499,15 @@ fn contact_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
         ty: wgpu::BufferBindingType::Uniform,
         has_dynamic_offset: true,
         min_binding_size: std::num::NonZero::new(contact::LIST),
+    }];
+    group_layout(device, &types)
+}
+
+fn all_contacts_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    let types = [wgpu::BindingType::Buffer {
+        ty: wgpu::BufferBindingType::Storage { read_only: true },
+        has_dynamic_offset: false,
+        min_binding_size: std::num::NonZero::new(contact::STRIDE),
     }];
     group_layout(device, &types)
 }

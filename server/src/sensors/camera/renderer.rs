@@ -13,8 +13,9 @@ use wheelarm_proto::settings::Depth;
 use super::adapter::{self, AdapterInfo};
 use super::ambient_map::PlacedCharts;
 use super::buffers::Shine;
-use super::contact::{self, Contacts, Occluder, PlacedOccluder};
-use super::geometry::{BodyRows, Geometry, VisibleRange};
+use super::contact::{self, Nearby};
+use super::frame_data::FrameData;
+use super::geometry::{BodyRows, Geometry, Order, VisibleRange};
 use super::graphics::{Graphics, OpenDevice};
 use super::person::PersonMesh;
 use super::pipelines::{Ambient, Pipelines};
@@ -55,8 +56,10 @@ pub struct Renderer {
     targets: Vec<Target>,
     scene_groups: Vec<wgpu::BindGroup>,
     shadow_group: wgpu::BindGroup,
-    contact_groups: Vec<wgpu::BindGroup>,
-    occluders: Vec<Occluder>,
+    /// Contacts of one draw, for a CPU adapter, and of all draws; only with contacts.
+    contact_groups: Option<[wgpu::BindGroup; 2]>,
+    frame: FrameData,
+    nearby: Nearby,
     charts: PlacedCharts,
     /// Links, objects and sliding furniture that a snapshot must have.
     expected: [usize; 3],
@@ -123,7 +126,7 @@ impl Renderer {
             pipelines,
             packer,
             surroundings,
-            buffers,
+            mut buffers,
         } = prepare(scene, tier, graphics)?;
         let OpenDevice {
             info,
@@ -133,6 +136,8 @@ impl Renderer {
             broken,
         } = opened;
         let sun = SunView::new(scene, &buffers, tier.shadow_size);
+        let occluders = std::mem::take(&mut buffers.occluders);
+        let nearby = Nearby::new(occluders, &buffers.bodies, &mut buffers.batches);
         let geometry = Geometry::upload(&device, &buffers);
         let soft = SoftMeshes::find(scene, &buffers);
         let person = PersonMesh::find(scene, &buffers);
@@ -151,13 +156,15 @@ impl Renderer {
         let reflection = scene.surrounding.as_ref().map(|s| &s.reflection);
         let reflection = patterns::upload_reflection(&device, &queue, reflection);
         let ambient_map = patterns::upload_ambient_map(&device, &queue, &buffers.ambient_map);
-        let scene_group = |target: &Target| {
+        let has_contacts = tier.ambient_per_pixel;
+        let frame = FrameData::new(&device, cameras.len(), geometry.bodies.len(), has_contacts);
+        let scene_group = |camera: usize| {
             bind(
                 &device,
                 &pipelines.scene_layout,
                 &[
-                    target.uniform.as_entire_binding(),
-                    geometry.body_rows.as_entire_binding(),
+                    frame.camera_binding(camera),
+                    frame.bodies_binding(),
                     materials.as_entire_binding(),
                     wgpu::BindingResource::TextureView(&images),
                     wgpu::BindingResource::Sampler(&repeating),
@@ -168,7 +175,7 @@ impl Renderer {
                 ],
             )
         };
-        let scene_groups = targets.iter().map(scene_group).collect();
+        let scene_groups = (0..cameras.len()).map(scene_group).collect();
         let shadow_group = bind(
             &device,
             &pipelines.shadow_layout,
@@ -177,15 +184,13 @@ impl Renderer {
                 wgpu::BindingResource::Sampler(&comparing),
             ],
         );
-        let contact_group = |target: &Target| {
-            let list = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-                buffer: &target.contacts,
-                offset: 0,
-                size: std::num::NonZero::new(contact::LIST),
-            });
-            bind(&device, &pipelines.contact_layout, &[list])
-        };
-        let contact_groups = targets.iter().map(contact_group).collect();
+        let contact_groups = has_contacts.then(|| {
+            let (one, all) = (&pipelines.contact_layout, &pipelines.all_contacts_layout);
+            [
+                bind(&device, one, &[frame.contacts_binding()]),
+                bind(&device, all, &[frame.all_contacts_binding()]),
+            ]
+        });
         let sky = background(&scene.lighting);
         let read_back = |target: &Target| ReadBack::new(&device, target, packer.as_ref(), sky);
         let read_back = targets.iter().map(read_back).collect();
@@ -211,7 +216,8 @@ impl Renderer {
             scene_groups,
             shadow_group,
             contact_groups,
-            occluders: buffers.occluders,
+            frame,
+            nearby,
             charts: buffers.ambient_map.charts,
             deflated: vec![None; cameras.len()],
             read_back,
@@ -292,12 +298,11 @@ impl Renderer {
             .iter()
             .map(|b| world_from(b.binding, snapshot))
             .collect();
-        if self
+        let changed = self
             .rows
-            .update(&poses, &self.geometry.bodies, &self.surroundings)
-        {
-            let rows = bytemuck::cast_slice(self.rows.all());
-            self.queue.write_buffer(&self.geometry.body_rows, 0, rows);
+            .update(&poses, &self.geometry.bodies, &self.surroundings);
+        if changed {
+            self.frame.set_bodies(self.rows.all());
         }
         self.soft.write(&self.queue, &self.geometry, snapshot);
         if let Some(person) = &mut self.person
@@ -313,7 +318,7 @@ impl Renderer {
             })
             .collect();
 
-        let mut encoder = self.device.create_command_encoder(&Default::default());
+        self.frame.begin();
         for (&c, view) in cameras.iter().zip(&views) {
             let sun = &self.shadow.sun;
             let texel = [1.0 / self.tier.shadow_size as f32, sun.texel as f32];
@@ -324,37 +329,29 @@ impl Renderer {
                 texel,
                 self.surrounding.as_ref(),
             );
-            let uniform = &self.targets[c].uniform;
-            self.queue
-                .write_buffer(uniform, 0, bytemuck::bytes_of(&block));
+            self.frame.set_camera(c, &block);
         }
+        let outdated = match self.tier.has_shadows() && !cameras.is_empty() {
+            true => self.shadow.update(&mut self.frame, &self.geometry, &poses),
+            false => None,
+        };
+        let shown = self.find_shown(cameras, &views, &poses);
+        self.frame.upload(&self.queue);
+
+        let mut encoder = self.device.create_command_encoder(&Default::default());
         self.timing.begins(&mut encoder, "shadow");
-        if let (true, Some(&first)) = (self.tier.has_shadows(), cameras.first()) {
+        if let (Some(outdated), Some(&first)) = (outdated, cameras.first()) {
             let group = &self.scene_groups[first];
+            let frame = (&self.frame, self.is_on_gpu(first));
+            let (pipelines, geometry) = (&self.pipelines, &self.geometry);
             self.shadow
-                .draw(&mut encoder, &self.pipelines, group, &self.geometry, &poses);
+                .record(&mut encoder, pipelines, group, geometry, frame, outdated);
         }
         self.timing.begins(&mut encoder, "draw");
         // All images are rendered before the first is copied: a copy waits for its
         // source, and a CPU adapter renders nothing meanwhile.
-        let occluders = self.occluders.iter();
-        let occluders: Vec<PlacedOccluder> = occluders.map(|o| o.placed(&poses[o.body])).collect();
-        for (&c, view) in cameras.iter().zip(&views) {
-            let order = self.read_back[c].order();
-            let per_pixel = self.tier.ambient_per_pixel;
-            let mut contacts = per_pixel.then(|| Contacts::in_view(view, &occluders, &self.charts));
-            let visible = self
-                .geometry
-                .visible(view, &poses, order, contacts.as_mut());
-            let (mut lists, mut bytes) = (Vec::new(), Vec::new());
-            if let Some(contacts) = contacts {
-                (lists, bytes) = (contacts.variants(), contacts.bytes());
-            }
-            if !bytes.is_empty() {
-                let buffer = &self.targets[c].contacts;
-                self.queue.write_buffer(buffer, contact::STRIDE, &bytes);
-            }
-            self.draw_camera(&mut encoder, c, &visible, &lists);
+        for (&c, shown) in cameras.iter().zip(&shown) {
+            self.draw_camera(&mut encoder, c, shown);
         }
         let mut buffers = Vec::with_capacity(cameras.len());
         for &c in cameras {
@@ -489,13 +486,51 @@ impl Renderer {
         Ok(())
     }
 
-    fn draw_camera(
-        &self,
-        encoder: &mut wgpu::CommandEncoder,
-        camera: usize,
-        visible: &[VisibleRange],
-        lists: &[usize],
-    ) {
+    /// Whether a GPU renders the images of a camera.
+    fn is_on_gpu(&self, camera: usize) -> bool {
+        self.read_back[camera].order() == Order::Finish
+    }
+
+    /// Finds what each camera shows, and adds its draws and contacts to the frame.
+    fn find_shown(
+        &mut self,
+        cameras: &[usize],
+        views: &[View],
+        poses: &[Isometry3<f64>],
+    ) -> Vec<Shown> {
+        let (geometry, frame) = (&self.geometry, &mut self.frame);
+        self.nearby.place(poses);
+        let mut shown = Vec::with_capacity(cameras.len());
+        for (&c, view) in cameras.iter().zip(views) {
+            let order = self.read_back[c].order();
+            let mut contacts = match self.tier.ambient_per_pixel {
+                true => Some(self.nearby.in_view(view, &geometry.batches, &self.charts)),
+                false => None,
+            };
+            let visible = geometry.visible(view, poses, order, contacts.as_mut());
+            let first_list = frame.next_list();
+            let mut variants = Vec::new();
+            if let Some(contacts) = contacts {
+                frame.add_lists(&contacts.bytes());
+                variants = contacts.variants();
+            }
+            let first_draw = frame.next_draw();
+            for range in &visible {
+                frame.add_draw(&range.indices, range.ambient.instance(first_list));
+            }
+            shown.push(Shown {
+                visible,
+                first_draw,
+                first_list,
+                variants,
+            });
+        }
+        shown
+    }
+
+    fn draw_camera(&self, encoder: &mut wgpu::CommandEncoder, camera: usize, shown: &Shown) {
+        let visible = &shown.visible;
+        let on_gpu = self.is_on_gpu(camera);
         let target = &self.targets[camera];
         let (view, resolve, depth) = match &target.samples {
             None => (&target.color.view, None, &target.depth.view),
@@ -529,26 +564,51 @@ impl Renderer {
         pass.set_bind_group(0, &self.scene_groups[camera], &[]);
         pass.set_bind_group(1, &self.shadow_group, &[]);
         self.geometry.set(&mut pass);
-        let contacts = &self.contact_groups[camera];
-        if self.tier.ambient_per_pixel {
-            pass.set_bind_group(2, contacts, &[0]);
+        if let Some([one, all]) = &self.contact_groups {
+            match on_gpu {
+                true => pass.set_bind_group(2, all, &[]),
+                false => pass.set_bind_group(2, one, &[0]),
+            }
         }
+        // A GPU has one pipeline per finish, a CPU adapter one per source of ambient light.
+        let variant = |s: &VisibleRange| match on_gpu {
+            true => 0,
+            false => s.ambient.variant(&shown.variants),
+        };
+        let list = |s: &VisibleRange| match s.ambient {
+            Ambient::Contacts { list, .. } if !on_gpu => Some(list),
+            _ => None,
+        };
+        let same = |a: &VisibleRange, b: &VisibleRange| {
+            let key = |s: &VisibleRange| (variant(s), list(s));
+            a.finish == b.finish && a.finish.shine != Shine::Glass && key(a) == key(b)
+        };
+        let mut next_draw = shown.first_draw;
         let mut current = None;
-        for s in visible {
-            let variant = (s.finish, s.ambient.variant(lists));
-            let pipelines = self.pipelines.surface(variant.0, variant.1);
-            if current != Some(variant) {
-                current = Some(variant);
+        let mut bound = None;
+        for run in visible.chunk_by(same) {
+            let draws = next_draw..next_draw + run.len();
+            next_draw = draws.end;
+            let s = &run[0];
+            let pipelines = match on_gpu {
+                true => self.pipelines.drawn(s.finish),
+                false => self.pipelines.surface(s.finish, variant(s)),
+            };
+            if current != Some((s.finish, variant(s))) {
+                current = Some((s.finish, variant(s)));
                 pass.set_pipeline(pipelines.0);
             }
-            if let Ambient::Contacts { list, .. } = s.ambient {
-                let offset = (list as u64 + 1) * contact::STRIDE;
+            if let (Some(list), Some([contacts, _])) = (list(s), &self.contact_groups)
+                && bound != Some(list)
+            {
+                bound = Some(list);
+                let offset = (shown.first_list + list) as u64 * contact::STRIDE;
                 pass.set_bind_group(2, contacts, &[offset as u32]);
             }
-            pass.draw_indexed(s.indices.clone(), 0, 0..1);
+            self.frame.record(&mut pass, draws.clone(), on_gpu);
             if let Some(second) = pipelines.1 {
                 pass.set_pipeline(second);
-                pass.draw_indexed(s.indices.clone(), 0, 0..1);
+                self.frame.record(&mut pass, draws, on_gpu);
                 current = None;
             }
         }
@@ -575,11 +635,21 @@ impl Renderer {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &self.scene_groups[camera], &[]);
             self.geometry.set(&mut pass);
-            for s in visible {
-                pass.draw_indexed(s.indices.clone(), 0, 0..1);
-            }
+            let draws = shown.first_draw..shown.first_draw + visible.len();
+            self.frame.record(&mut pass, draws, on_gpu);
         }
     }
+}
+
+/// The geometry in view of a camera.
+struct Shown {
+    visible: Vec<VisibleRange>,
+    /// Index of its first draw in the frame.
+    first_draw: usize,
+    /// Index of its first list of capsules in the frame.
+    first_list: usize,
+    /// Shader variant of each list.
+    variants: Vec<usize>,
 }
 
 /// An image that is read or being read.

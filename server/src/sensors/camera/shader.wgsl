@@ -70,6 +70,11 @@ struct Contacts { extent: vec4<f32>, occluders: array<Occluder, 8> }
 
 @group(2) @binding(0) var<uniform> contacts: Contacts;
 
+// `Contacts` of one draw; the third component of `extent` is the number of capsules.
+struct DrawContacts { extent: vec4<f32>, occluders: array<Occluder, 8>, unused: array<vec4<f32>, 7> }
+
+@group(2) @binding(0) var<storage, read> draw_contacts: array<DrawContacts>;
+
 struct Vertex {
     @location(0) position: vec3<f32>,
     // Octahedral.
@@ -225,8 +230,8 @@ struct MatteVarying {
 }
 
 // Share of the ambient light of a vertex that pixels multiply further.
-fn vertex_share(lit: Lit, body: u32) -> f32 {
-    if MAPPED {
+fn vertex_share(lit: Lit, body: u32, mapped: bool) -> f32 {
+    if mapped {
         return bodies[body].more.y;
     }
     return lit.ambient_occlusion;
@@ -244,7 +249,7 @@ struct MappedMatte {
     @location(4) @interpolate(flat) more: vec2<f32>,
 }
 
-@vertex fn mapped_matte_surface(v: Vertex) -> MappedMatte {
+fn mapped_matte(v: Vertex, mapped: bool) -> MappedMatte {
     let body = v.packed & 0xfffu;
     let m = materials[v.packed >> 20u];
     let lit = place(v, body);
@@ -255,13 +260,40 @@ struct MappedMatte {
     var out: MappedMatte;
     out.clip = camera.clip_from_world * vec4(lit.world, 1.0);
     out.light = vec4(
-        around * vertex_share(lit, body),
+        around * vertex_share(lit, body, mapped),
         max(dot(lit.normal, camera.sun_direction.xyz), 0.0),
     );
     out.uv = vec4(v.uv, v.ambient);
     out.shadow = lit.shadow;
     out.color = vec4(m.color.rgb + 0.03, bodies[body].more.x);
     out.more = vec2(m.more.z, m.more.y);
+    return out;
+}
+
+@vertex fn mapped_matte_surface(v: Vertex) -> MappedMatte {
+    return mapped_matte(v, MAPPED);
+}
+
+// As MappedMatte, with the source of the ambient light of the draw: the lowest bit is set if
+// pixels sample the ambient map, the others are the index of the contacts, 0 for none.
+struct DrawnMatte {
+    @builtin(position) @invariant clip: vec4<f32>,
+    @location(0) light: vec4<f32>,
+    @location(1) uv: vec4<f32>,
+    @location(2) shadow: vec3<f32>,
+    @location(3) @interpolate(flat) color: vec4<f32>,
+    @location(4) @interpolate(flat) more: vec2<f32>,
+    @location(5) @interpolate(flat) source: u32,
+}
+
+@vertex fn drawn_matte_surface(v: Vertex, @builtin(instance_index) source: u32) -> DrawnMatte {
+    let m = mapped_matte(v, (source & 1u) != 0u);
+    var out = DrawnMatte(m.clip, m.light, m.uv, m.shadow, m.color, m.more, source);
+    if source == 0u {
+        // As `matte_surface`.
+        out.light = vec4(m.light.rgb + m.more.y, m.light.a);
+        out.more.y = 0.0;
+    }
     return out;
 }
 
@@ -277,14 +309,14 @@ struct MappedVarying {
     @location(6) around: vec3<f32>,
 }
 
-@vertex fn mapped_surface(v: Vertex) -> MappedVarying {
+fn mapped_varying(v: Vertex, mapped: bool) -> MappedVarying {
     let body = v.packed & 0xfffu;
     let m = materials[v.packed >> 20u];
     let lit = place(v, body);
     var out: MappedVarying;
     out.clip = camera.clip_from_world * vec4(lit.world, 1.0);
     out.normal = lit.normal;
-    out.view = vec4(camera.eye.xyz - lit.world, vertex_share(lit, body));
+    out.view = vec4(camera.eye.xyz - lit.world, vertex_share(lit, body, mapped));
     out.uv = vec4(v.uv, v.ambient);
     out.shadow = lit.shadow;
     out.color = m.color;
@@ -294,6 +326,30 @@ struct MappedVarying {
         out.around = surrounding(lit);
     }
     return out;
+}
+
+@vertex fn mapped_surface(v: Vertex) -> MappedVarying {
+    return mapped_varying(v, MAPPED);
+}
+
+// As MappedVarying, with the source of the ambient light of the draw.
+struct DrawnVarying {
+    @builtin(position) @invariant clip: vec4<f32>,
+    @location(0) normal: vec3<f32>,
+    @location(1) view: vec4<f32>,
+    @location(2) uv: vec4<f32>,
+    @location(3) shadow: vec3<f32>,
+    @location(4) @interpolate(flat) color: vec4<f32>,
+    @location(5) @interpolate(flat) more: vec4<f32>,
+    @location(6) around: vec3<f32>,
+    @location(7) @interpolate(flat) source: u32,
+}
+
+@vertex fn drawn_surface(v: Vertex, @builtin(instance_index) source: u32) -> DrawnVarying {
+    let m = mapped_varying(v, (source & 1u) != 0u);
+    return DrawnVarying(
+        m.clip, m.normal, m.view, m.uv, m.shadow, m.color, m.more, m.around, source,
+    );
 }
 
 // Far from the sun, in the part of the shadow map that is rendered again.
@@ -422,12 +478,50 @@ fn ambient_share(at: vec2<f32>) -> f32 {
     return share;
 }
 
+// As `ambient_share`, by the source of the draw: for a GPU, where a branch costs less than a
+// change of the pipeline. The products are those of `ambient_share`: unused capsules have
+// the factor 1.
+fn drawn_share(at: vec2<f32>, source: u32) -> f32 {
+    var share = 1.0;
+    if (source & 1u) != 0u {
+        share = textureSampleLevel(ambient_map, one_level, at, 0.0).r;
+    }
+    let list = source >> 1u;
+    if list > 0u {
+        let extent = draw_contacts[list].extent;
+        let p = at * extent.xy;
+        share *= unoccluded_share(draw_contacts[list].occluders[0], p);
+        share *= unoccluded_share(draw_contacts[list].occluders[1], p);
+        if extent.z > 2.0 {
+            share *= unoccluded_share(draw_contacts[list].occluders[2], p)
+                * unoccluded_share(draw_contacts[list].occluders[3], p);
+        }
+        if extent.z > 4.0 {
+            share *= unoccluded_share(draw_contacts[list].occluders[4], p)
+                * unoccluded_share(draw_contacts[list].occluders[5], p);
+            share *= unoccluded_share(draw_contacts[list].occluders[6], p)
+                * unoccluded_share(draw_contacts[list].occluders[7], p);
+        }
+    }
+    return share;
+}
+
 @fragment fn mapped_matte_shade(v: MappedMatte) -> @location(0) vec4<f32> {
+    return matte_color(v, ambient_share(v.uv.zw));
+}
+
+@fragment fn drawn_matte_shade(v: DrawnMatte) -> @location(0) vec4<f32> {
+    let own = MappedMatte(v.clip, v.light, v.uv, v.shadow, v.color, v.more);
+    return matte_color(own, drawn_share(v.uv.zw, v.source));
+}
+
+// `open`: share of the ambient light that reaches the pixel.
+fn matte_color(v: MappedMatte, open: f32) -> vec4<f32> {
     var base = v.color.rgb;
     if TEXTURED {
         base *= image(v.uv.xy, v.more.x);
     }
-    var light = v.light.rgb * ambient_share(v.uv.zw) + v.more.y;
+    var light = v.light.rgb * open + v.more.y;
     if SUNNY {
         light += camera.sun.rgb * (v.light.a * sunlit(v.shadow));
     }
@@ -454,6 +548,12 @@ fn ambient_share(at: vec2<f32>) -> f32 {
 
 @fragment fn mapped_shade(v: MappedVarying) -> @location(0) vec4<f32> {
     let open = ambient_share(v.uv.zw);
+    let own = Varying(v.clip, v.normal, v.view, v.uv.xy, v.shadow, v.color, v.more);
+    return glossy(own, v.view.w * open);
+}
+
+@fragment fn drawn_shade(v: DrawnVarying) -> @location(0) vec4<f32> {
+    let open = drawn_share(v.uv.zw, v.source);
     let own = Varying(v.clip, v.normal, v.view, v.uv.xy, v.shadow, v.color, v.more);
     return glossy(own, v.view.w * open);
 }
@@ -518,6 +618,12 @@ fn mirrored_room(towards: vec3<f32>, roughness: f32) -> vec3<f32> {
 
 @fragment fn mapped_lit_shade(v: MappedVarying) -> @location(0) vec4<f32> {
     let open = ambient_share(v.uv.zw);
+    let own = LitVarying(v.clip, v.normal, v.view, v.uv.xy, v.shadow, v.color, v.more, v.around);
+    return lit_glossy(own, v.view.w * open);
+}
+
+@fragment fn drawn_lit_shade(v: DrawnVarying) -> @location(0) vec4<f32> {
+    let open = drawn_share(v.uv.zw, v.source);
     let own = LitVarying(v.clip, v.normal, v.view, v.uv.xy, v.shadow, v.color, v.more, v.around);
     return lit_glossy(own, v.view.w * open);
 }

@@ -1,9 +1,12 @@
 //! One shadow map for all cameras. Only the region around casters that moved or changed
 //! is rendered again; every texel equals that of a complete map.
 
+use std::ops::Range;
+
 use nalgebra::{Isometry3, Matrix4, Point3, Vector3};
 
 use super::buffers::{Buffers, Caster};
+use super::frame_data::FrameData;
 use super::geometry::Geometry;
 use super::pipelines::{DEPTH, Pipelines};
 use super::scene::{Binding, RenderScene};
@@ -16,12 +19,20 @@ pub(super) struct ShadowMap {
     size: u32,
     /// Poses of the bodies in the map; empty before the first.
     drawn_for: Vec<Isometry3<f64>>,
+    /// Texels of the casters of each body at these poses.
+    covered: Vec<Vec<Rectangle>>,
     /// Bodies whose vertices have changed since.
     changed: Vec<usize>,
 }
 
 /// Texels `[left, top, right, bottom]`, the last ones excluded.
 type Rectangle = [u32; 4];
+
+/// A region of the map to render, and its draws.
+pub(super) struct Outdated {
+    region: Rectangle,
+    draws: Range<usize>,
+}
 
 impl ShadowMap {
     pub(super) fn new(device: &wgpu::Device, sun: SunView, size: u32) -> Self {
@@ -31,6 +42,7 @@ impl ShadowMap {
             sun,
             size,
             drawn_for: Vec::new(),
+            covered: Vec::new(),
             changed: Vec::new(),
         }
     }
@@ -40,18 +52,55 @@ impl ShadowMap {
         self.changed.extend(bodies);
     }
 
-    /// Updates the map; `group` contains the bodies at `poses`.
-    pub(super) fn draw(
+    /// Finds the region of the map that casters left or entered, and adds the draws of the
+    /// casters in it to `frame`; `None` if the map is up to date.
+    pub(super) fn update(
         &mut self,
+        frame: &mut FrameData,
+        geometry: &Geometry,
+        poses: &[Isometry3<f64>],
+    ) -> Option<Outdated> {
+        let region = self.outdated(geometry, poses)?;
+        let [left, top, right, bottom] = region;
+        let first = frame.next_draw();
+        let mut adjacent: Option<Range<u32>> = None;
+        for (body, covered) in geometry.bodies.iter().zip(&self.covered) {
+            for (caster, [l, t, r, b]) in body.casters.iter().zip(covered) {
+                if *l >= right || *r <= left || *t >= bottom || *b <= top {
+                    continue;
+                }
+                match &mut adjacent {
+                    Some(range) if range.end == caster.indices.start => {
+                        range.end = caster.indices.end;
+                    }
+                    other => {
+                        if let Some(range) = other.replace(caster.indices.clone()) {
+                            frame.add_draw(&range, 0);
+                        }
+                    }
+                }
+            }
+        }
+        if let Some(range) = adjacent {
+            frame.add_draw(&range, 0);
+        }
+        Some(Outdated {
+            region,
+            draws: first..frame.next_draw(),
+        })
+    }
+
+    /// Renders a region; `group` contains the bodies.
+    pub(super) fn record(
+        &self,
         encoder: &mut wgpu::CommandEncoder,
         pipelines: &Pipelines,
         group: &wgpu::BindGroup,
         geometry: &Geometry,
-        poses: &[Isometry3<f64>],
+        (frame, reads_draws): (&FrameData, bool),
+        outdated: Outdated,
     ) {
-        let Some([left, top, right, bottom]) = self.outdated(geometry, poses) else {
-            return;
-        };
+        let [left, top, right, bottom] = outdated.region;
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("shadow"),
             depth_stencil_attachment: Some(depth_attachment(
@@ -67,37 +116,41 @@ impl ShadowMap {
         pass.draw(0..3, 0..1);
         pass.set_pipeline(&pipelines.caster);
         geometry.set(&mut pass);
-        for (body, pose) in geometry.bodies.iter().zip(poses) {
-            for caster in &body.casters {
-                let [l, t, r, b] = self.around(caster, pose);
-                if l < right && r > left && t < bottom && b > top {
-                    pass.draw_indexed(caster.indices.clone(), 0, 0..1);
-                }
-            }
-        }
-        drop(pass);
-        self.drawn_for = poses.to_vec();
-        self.changed.clear();
+        frame.record(&mut pass, outdated.draws, reads_draws);
     }
 
-    /// The region of the map that casters left or entered.
-    fn outdated(&self, geometry: &Geometry, poses: &[Isometry3<f64>]) -> Option<Rectangle> {
-        if self.drawn_for.len() != poses.len() {
+    /// The region of the map that casters left or entered. Updates the casters' texels.
+    fn outdated(&mut self, geometry: &Geometry, poses: &[Isometry3<f64>]) -> Option<Rectangle> {
+        let all = self.drawn_for.len() != poses.len();
+        let covered = |map: &Self, i: usize| -> Vec<Rectangle> {
+            let casters = geometry.bodies[i].casters.iter();
+            casters
+                .map(|caster| map.around(caster, &poses[i]))
+                .collect()
+        };
+        if all {
+            self.covered = (0..poses.len()).map(|i| covered(self, i)).collect();
+            self.drawn_for = poses.to_vec();
+            self.changed.clear();
             return Some([0, 0, self.size, self.size]);
         }
         let mut part: Option<Rectangle> = None;
-        for (i, body) in geometry.bodies.iter().enumerate() {
-            if self.drawn_for[i] == poses[i] && !self.changed.contains(&i) {
+        let mut include = |covered: &[Rectangle]| {
+            for [l, t, r, b] in covered.iter().copied() {
+                let [pl, pt, pr, pb] = part.unwrap_or([l, t, r, b]);
+                part = Some([l.min(pl), t.min(pt), r.max(pr), b.max(pb)]);
+            }
+        };
+        for (i, pose) in poses.iter().enumerate() {
+            if self.drawn_for[i] == *pose && !self.changed.contains(&i) {
                 continue;
             }
-            for caster in &body.casters {
-                for pose in [&self.drawn_for[i], &poses[i]] {
-                    let [l, t, r, b] = self.around(caster, pose);
-                    let [pl, pt, pr, pb] = part.unwrap_or([l, t, r, b]);
-                    part = Some([l.min(pl), t.min(pt), r.max(pr), b.max(pb)]);
-                }
-            }
+            include(&self.covered[i]);
+            self.covered[i] = covered(self, i);
+            include(&self.covered[i]);
+            self.drawn_for[i] = *pose;
         }
+        self.changed.clear();
         part.filter(|[l, t, r, b]| l < r && t < b)
     }
 

@@ -1,10 +1,8 @@
 //! Render targets of one camera.
 
-use super::contact;
 use super::pipelines::{COLOR, DEPTH, IDS};
 use super::spec::CameraSpec;
 use super::tier::Tier;
-use super::uniform::CameraUniform;
 
 /// Textures of one camera.
 pub(super) struct Target {
@@ -17,9 +15,6 @@ pub(super) struct Target {
     pub(super) ids: Option<Image>,
     /// Whether edges are smoothed when the image is packed.
     pub(super) smooth_edges: bool,
-    pub(super) uniform: wgpu::Buffer,
-    /// Lists of capsules that darken nearby surfaces; the first list is empty.
-    pub(super) contacts: wgpu::Buffer,
 }
 
 /// A texture and its full view.
@@ -45,21 +40,6 @@ impl Target {
                 .separate_ids()
                 .then(|| image(device, size, IDS, 1, read)),
             smooth_edges: tier.smooth_edges,
-            uniform: device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some(&spec.name),
-                size: size_of::<CameraUniform>() as u64,
-                usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            }),
-            contacts: device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("contacts"),
-                size: match tier.ambient_per_pixel {
-                    true => contact::MOST_LISTS as u64 * contact::STRIDE,
-                    false => contact::STRIDE,
-                },
-                usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            }),
             spec,
         }
     }

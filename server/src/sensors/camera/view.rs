@@ -62,8 +62,11 @@ impl View {
     /// The frame of a body in camera coordinates.
     pub(super) fn placed(&self, world_from_body: &Isometry3<f64>) -> Placed {
         let optical_from_body = self.optical_from_world * world_from_body;
+        let rotation = optical_from_body.rotation.to_rotation_matrix().into_inner();
         Placed {
-            rotation: optical_from_body.rotation.to_rotation_matrix().into_inner(),
+            sides: self.sides.map(|normal| rotation.tr_mul(&normal).abs()),
+            forward: rotation.row(2).transpose().abs(),
+            rotation,
             translation: optical_from_body.translation.vector,
         }
     }
@@ -71,12 +74,11 @@ impl View {
     /// Whether the box of a cluster may be in view.
     pub(super) fn shows(&self, placed: &Placed, cluster: &Cluster) -> bool {
         let centre = placed.rotation * cluster.centre.coords + placed.translation;
-        let inside = |normal: &Vector3<f64>| {
-            let reach = placed.rotation.tr_mul(normal).abs().dot(&cluster.half);
-            normal.dot(&centre) > -reach
+        let inside = |(normal, in_body): (&Vector3<f64>, &Vector3<f64>)| {
+            normal.dot(&centre) > -in_body.dot(&cluster.half)
         };
-        let depth = placed.rotation.row(2).transpose().abs().dot(&cluster.half);
-        centre.z + depth > self.near && self.sides.iter().all(inside)
+        let depth = placed.forward.dot(&cluster.half);
+        centre.z + depth > self.near && self.sides.iter().zip(&placed.sides).all(inside)
     }
 }
 
@@ -84,6 +86,10 @@ impl View {
 pub(super) struct Placed {
     rotation: Matrix3<f64>,
     translation: Vector3<f64>,
+    /// Absolute components of the side normals and of the viewing direction in the frame
+    /// of the body.
+    sides: [Vector3<f64>; 4],
+    forward: Vector3<f64>,
 }
 
 /// Columns of a matrix in the shader's layout.
