@@ -6,7 +6,8 @@ use nalgebra::{Isometry3, Point3};
 use wgpu::util::DeviceExt;
 
 use super::ambient_occlusion::Surroundings;
-use super::buffers::{Batch, Body, Buffers, Finish, Shine, Vertex};
+use super::batch::{Batch, Finish, Shine, Vertex};
+use super::buffers::{Body, Buffers};
 use super::contact::Contacts;
 use super::culling_clusters::Cluster;
 use super::pipelines::Ambient;

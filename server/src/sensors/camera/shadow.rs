@@ -3,7 +3,8 @@
 
 use nalgebra::{Isometry3, Matrix4, Point3, Vector3};
 
-use super::buffers::{Buffers, Caster};
+use super::batch::Caster;
+use super::buffers::Buffers;
 use super::geometry::Geometry;
 use super::pipelines::{DEPTH, Pipelines};
 use super::scene::{Binding, RenderScene};
