@@ -9,6 +9,7 @@
 
 pub mod appearance;
 pub mod bundle;
+pub mod cache;
 pub mod check;
 pub mod defaults;
 pub mod digest;

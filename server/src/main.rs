@@ -10,6 +10,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{CommandFactory, Parser};
 use wheelarm_access::Folder;
 use wheelarm_proto::appearance::AppearanceText;
+use wheelarm_proto::cache::Store;
 use wheelarm_proto::endpoint::check_endpoint;
 use wheelarm_proto::keys::{self, Keys};
 use wheelarm_proto::output::end_with_output;
@@ -528,7 +529,7 @@ async fn serve(args: Args) -> anyhow::Result<()> {
         scenario.cameras.clear();
     }
     let pacing = scenario.pacing;
-    let graphics = Graphics::for_adapter(args.adapter.as_deref());
+    let graphics = Graphics::for_adapter(args.adapter.as_deref()).caching(Store::open());
     let draws = !scenario.cameras.is_empty();
     let _opening = draws.then(|| OpenAhead::begin(&graphics));
     let sim = Simulation::new(&assets, scenario)?;

@@ -4,6 +4,7 @@
 //! feature `hdf5`, teleoperation in a terminal the feature `terminal`; both are on.
 
 pub mod accounts;
+pub mod cache;
 pub mod control;
 #[cfg(feature = "hdf5")]
 pub mod demo;

@@ -22,6 +22,7 @@ use wheelarm_campaign::multiply::{self, MultiplyArgs};
 #[cfg(feature = "hdf5")]
 use wheelarm_campaign::replay::{self, ReplayArgs};
 use wheelarm_cli::accounts::{self, KeysCommand, RouterArgs, UsersCommand};
+use wheelarm_cli::cache::{self, CacheArgs};
 use wheelarm_cli::control::{self, EpisodeCommand, LeaseCommand, ResetArgs, ShutdownArgs, manual};
 #[cfg(feature = "hdf5")]
 use wheelarm_cli::demo::{self, DemoArgs};
@@ -147,6 +148,12 @@ enum Command {
     /// round trip and clock of the server. It changes nothing.
     #[command(after_long_help = manual::DOCTOR)]
     Doctor(DoctorArgs),
+    /// Shows or clears the cache of this user.
+    ///
+    /// Decoded textures and the light of homes, which servers and workers would compute
+    /// again at every start. WHEELARM_CACHE names another folder, or `off`.
+    #[command(after_long_help = manual::CACHE)]
+    Cache(CacheArgs),
     /// Makes the keys that authenticate users and servers.
     ///
     /// On the host of the server: a certificate authority, the server's certificate, and a
@@ -231,7 +238,8 @@ impl Command {
     fn needs_only_files(&self) -> bool {
         matches!(
             self,
-            Self::Keys(_)
+            Self::Cache(_)
+                | Self::Keys(_)
                 | Self::Users(_)
                 | Self::Router(_)
                 | Self::Completions { .. }
@@ -378,6 +386,7 @@ fn run(cli: Cli, connect: Connect) -> anyhow::Result<ExitCode> {
         Command::Watch(args) => return watch::run(&client()?, args),
         Command::Doctor(args) => return doctor::run(&connect, args),
         Command::Shutdown(args) => client()?.shutdown(args.force)?,
+        Command::Cache(args) => print!("{}", cache::run(args)?),
         Command::Keys(command) => accounts::keys(keys, command)?,
         Command::Users(command) => accounts::users(keys, command)?,
         Command::Router(args) => accounts::route(keys, args)?,

@@ -2,9 +2,10 @@
 //! `assets/textures`. Colours multiply the material's; a label is a complete image that
 //! replaces the colour.
 
-use std::fs::File;
-use std::io::BufReader;
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
+
+use wheelarm_proto::cache::{self, Key, Store};
 
 /// Pixels along each side.
 pub const SIZE: usize = 512;
@@ -61,85 +62,175 @@ pub fn has_grain(pattern: &str) -> bool {
     matches!(pattern, "wood" | "brushed")
 }
 
+/// Bytes of all levels.
+const BYTES: usize = {
+    let (mut bytes, mut level) = (0, 0);
+    while level < LEVELS {
+        bytes += 4 * (SIZE >> level) * (SIZE >> level);
+        level += 1;
+    }
+    bytes
+};
+
+/// Form of the bytes of an image in the cache. Its number rises with every change of
+/// [`Source::decode`].
+const FORM: &str = "texture 1";
+
 /// An image with its mipmaps.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Image {
     /// RGBA bytes from the largest to the 1 x 1 level; the first row is `v = 0`. A
     /// value is the square root of the linear colour.
-    pub levels: Vec<Vec<u8>>,
+    bytes: Vec<u8>,
+}
+
+impl Image {
+    /// The levels, [`LEVELS`] of them, from the largest to 1 x 1.
+    pub fn levels(&self) -> impl Iterator<Item = &[u8]> {
+        let mut rest = &self.bytes[..];
+        (0..LEVELS).map(move |level| {
+            let side = SIZE >> level;
+            let (bytes, smaller) = rest.split_at(4 * side * side);
+            rest = smaller;
+            bytes
+        })
+    }
+}
+
+/// The file of an image, not decoded yet.
+#[derive(Clone, Debug)]
+pub struct Source {
+    path: PathBuf,
+    file: Vec<u8>,
+    key: Key,
 }
 
 /// Reads `textures/NAME.png` below the assets folder.
 ///
 /// # Errors
-/// When the file cannot be read or has another size or pixel format.
-pub fn load(assets: &Path, name: &str) -> Result<Image, TextureError> {
+/// When the file cannot be read.
+pub fn read(assets: &Path, name: &str) -> Result<Source, TextureError> {
     let path = assets.join(format!("textures/{name}.png"));
-    let broken = |reason: String| TextureError::Read {
-        path: path.clone(),
-        reason,
-    };
-    let file = File::open(&path).map_err(|e| broken(e.to_string()))?;
-    let decoder = png::Decoder::new(BufReader::new(file));
-    let mut reader = decoder.read_info().map_err(|e| broken(e.to_string()))?;
-    let info = reader.info();
-    let channels = match info.color_type {
-        png::ColorType::Grayscale => 1,
-        png::ColorType::Rgb => 3,
-        _ => 0,
-    };
-    let side = SIZE as u32;
-    let eight = info.bit_depth == png::BitDepth::Eight;
-    if channels == 0 || !eight || (info.width, info.height) != (side, side) {
-        return Err(TextureError::Format {
-            found: format!(
-                "{}x{} pixels, {:?}, {:?} bits",
-                info.width, info.height, info.color_type, info.bit_depth
-            ),
+    match std::fs::read(&path) {
+        Ok(file) => Ok(Source {
+            key: cache::key(FORM, &[&file]),
             path,
-        });
+            file,
+        }),
+        Err(error) => Err(TextureError::Read {
+            path,
+            reason: error.to_string(),
+        }),
     }
-    let mut bytes = vec![0; SIZE * SIZE * channels];
-    reader
-        .next_frame(&mut bytes)
-        .map_err(|e| broken(e.to_string()))?;
-    let pixel = |p: &[u8]| match *p {
-        [r, g, b] => [r, g, b],
-        [grey] => [grey; 3],
-        _ => [0; 3],
-    };
-    // Files start at the top row.
-    let rows = bytes.chunks_exact(SIZE * channels).rev();
-    let pixels = rows.flat_map(|row| row.chunks_exact(channels).map(pixel));
-    Ok(with_mipmaps(pixels.collect()))
+}
+
+/// Reads and decodes `textures/NAME.png` below the assets folder.
+///
+/// # Errors
+/// As [`read`] and [`Source::decode`].
+pub fn load(assets: &Path, name: &str) -> Result<Image, TextureError> {
+    read(assets, name)?.decode()
+}
+
+impl Source {
+    /// Identifies the image: equal keys have equal images.
+    #[must_use]
+    pub fn key(&self) -> &Key {
+        &self.key
+    }
+
+    /// The image, from the cache if it is there. Returns a failed write to the cache too.
+    ///
+    /// # Errors
+    /// As [`Source::decode`].
+    pub fn decode_with(&self, store: &Store) -> Result<Image, TextureError> {
+        let stored = store.get(&self.key).filter(|bytes| bytes.len() == BYTES);
+        if let Some(bytes) = stored {
+            return Ok(Image { bytes });
+        }
+        let image = self.decode()?;
+        if let Err(problem) = store.put(&self.key, &image.bytes) {
+            tracing::warn!("{problem}");
+        }
+        Ok(image)
+    }
+
+    /// Decodes the file and computes the mipmaps.
+    ///
+    /// # Errors
+    /// When the file has another size or pixel format, or is damaged.
+    pub fn decode(&self) -> Result<Image, TextureError> {
+        let path = &self.path;
+        let broken = |reason: String| TextureError::Read {
+            path: path.clone(),
+            reason,
+        };
+        let decoder = png::Decoder::new(Cursor::new(&self.file[..]));
+        let mut reader = decoder.read_info().map_err(|e| broken(e.to_string()))?;
+        let info = reader.info();
+        let channels = match info.color_type {
+            png::ColorType::Grayscale => 1,
+            png::ColorType::Rgb => 3,
+            _ => 0,
+        };
+        let side = SIZE as u32;
+        let eight = info.bit_depth == png::BitDepth::Eight;
+        if channels == 0 || !eight || (info.width, info.height) != (side, side) {
+            return Err(TextureError::Format {
+                found: format!(
+                    "{}x{} pixels, {:?}, {:?} bits",
+                    info.width, info.height, info.color_type, info.bit_depth
+                ),
+                path: path.clone(),
+            });
+        }
+        let mut bytes = vec![0; SIZE * SIZE * channels];
+        reader
+            .next_frame(&mut bytes)
+            .map_err(|e| broken(e.to_string()))?;
+        let pixel = |p: &[u8]| match *p {
+            [r, g, b] => [r, g, b],
+            [grey] => [grey; 3],
+            _ => [0; 3],
+        };
+        // Files start at the top row.
+        let rows = bytes.chunks_exact(SIZE * channels).rev();
+        let pixels = rows.flat_map(|row| row.chunks_exact(channels).map(pixel));
+        Ok(with_mipmaps(pixels.collect()))
+    }
 }
 
 /// An image with its mipmaps, from rows that start at `v = 0`.
 fn with_mipmaps(pixels: Vec<[u8; 3]>) -> Image {
     let linear = |c: u8| (f32::from(c) / 255.0).powi(2);
-    let mut linear: Vec<[f32; 3]> = pixels.iter().map(|p| p.map(linear)).collect();
-    let mut levels = Vec::with_capacity(LEVELS);
+    let linear: [f32; 256] = std::array::from_fn(|c| linear(c as u8));
+    let mut bytes = Vec::with_capacity(BYTES);
+    // The largest level has the bytes of the file.
+    bytes.extend(pixels.iter().flat_map(|[r, g, b]| [*r, *g, *b, 255]));
+    let mut level: Vec<[f32; 3]> = pixels
+        .iter()
+        .map(|p| p.map(|c| linear[usize::from(c)]))
+        .collect();
     let mut side = SIZE;
-    loop {
-        let level: Vec<[u8; 4]> = linear.iter().map(|c| bytes(*c)).collect();
-        levels.push(level.into_flattened());
-        if side == 1 {
-            return Image { levels };
-        }
+    while side > 1 {
         let half = side / 2;
-        linear = (0..half * half)
-            .map(|i| {
-                let (x, y) = (2 * (i % half), 2 * (i / half));
-                let [a, b, c, d] = [(0, 0), (1, 0), (0, 1), (1, 1)]
-                    .map(|(dx, dy)| linear[(y + dy) * side + x + dx]);
+        let mut smaller = Vec::with_capacity(half * half);
+        for rows in level.chunks_exact(2 * side) {
+            let (top, bottom) = rows.split_at(side);
+            let pairs = top.chunks_exact(2).zip(bottom.chunks_exact(2));
+            smaller.extend(pairs.map(|(above, below)| -> [f32; 3] {
+                let [a, b, c, d] = [above[0], above[1], below[0], below[1]];
                 std::array::from_fn(|k| 0.25 * (a[k] + b[k] + c[k] + d[k]))
-            })
-            .collect();
+            }));
+        }
+        bytes.extend(smaller.iter().flat_map(|c| texel(*c)));
+        level = smaller;
         side = half;
     }
+    Image { bytes }
 }
 
-fn bytes(linear: [f32; 3]) -> [u8; 4] {
+fn texel(linear: [f32; 3]) -> [u8; 4] {
     let [r, g, b] = linear.map(|c| (c.sqrt() * 255.0 + 0.5) as u8);
     [r, g, b, 255]
 }
@@ -158,8 +249,9 @@ mod tests {
         assert!(names.len() >= 16, "{names:?}");
         for name in names {
             let image = load(&assets(), &name).unwrap_or_else(|error| panic!("{error}"));
-            assert_eq!(image.levels.len(), LEVELS);
-            let top = &image.levels[0];
+            let levels: Vec<&[u8]> = image.levels().collect();
+            assert_eq!((levels.len(), levels[LEVELS - 1].len()), (LEVELS, 4));
+            let top = levels[0];
             let pixel = |x: usize, y: usize| &top[(y * SIZE + x) * 4..][..3];
             let step = |a: &[u8], b: &[u8]| -> f64 {
                 a.iter()
@@ -199,10 +291,42 @@ mod tests {
                 .map(|i| [(i % 256) as u8, (i / SIZE % 256) as u8, 7])
                 .collect(),
         );
-        for (i, pixel) in image.levels[0].chunks_exact(4).enumerate() {
+        let levels: Vec<&[u8]> = image.levels().collect();
+        for (i, pixel) in levels[0].chunks_exact(4).enumerate() {
             assert_eq!(pixel, [(i % 256) as u8, (i / SIZE % 256) as u8, 7, 255]);
         }
-        assert_eq!(image.levels[LEVELS - 1].len(), 4);
+        // A byte survives the square and the root, as in the smaller levels.
+        for c in 0..=255u8 {
+            assert_eq!(texel([(f32::from(c) / 255.0).powi(2); 3])[0], c);
+        }
+        // The mean of the squares.
+        assert_eq!(levels[1][..4], [1, 1, 7, 255]);
+    }
+
+    #[test]
+    fn the_cache_returns_the_decoded_image_or_none() {
+        let folder = std::env::temp_dir().join(format!("images{}", std::process::id()));
+        let store = Store::at(Some(folder.clone()), cache::LIMIT);
+        let [wood, tiles] = ["wood", "tiles"].map(|name| read(&assets(), name).unwrap());
+        assert!(store.get(wood.key()).is_none());
+        let image = wood.decode().unwrap();
+        assert_eq!(wood.decode_with(&store).unwrap(), image);
+        assert_eq!(store.get(wood.key()).unwrap(), image.bytes);
+        assert_eq!(wood.decode_with(&store).unwrap(), image);
+        // Another file has another key, and an entry of another length is not an image.
+        assert_ne!(tiles.decode_with(&store).unwrap(), image);
+        store.put(wood.key(), b"short").unwrap();
+        assert_eq!(wood.decode_with(&store).unwrap(), image);
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+
+    /// When this fails, images have other bytes: raise the number in [`FORM`].
+    #[test]
+    fn images_in_the_cache_have_the_bytes_of_their_form() {
+        let pixel = |i: usize| [(i * i % 251) as u8, (i % 241) as u8, (i / SIZE % 256) as u8];
+        let image = with_mipmaps((0..SIZE * SIZE).map(pixel).collect());
+        let hash = cache::key(FORM, &[&image.bytes]);
+        assert_eq!(hash[..4], [254, 191, 105, 136], "{FORM}");
     }
 
     #[test]
@@ -217,7 +341,7 @@ mod tests {
             "{}",
             message("text")
         );
-        let file = File::create(folder.join("textures/small.png")).unwrap();
+        let file = std::fs::File::create(folder.join("textures/small.png")).unwrap();
         let mut encoder = png::Encoder::new(file, 2, 2);
         encoder.set_color(png::ColorType::Rgba);
         let mut writer = encoder.write_header().unwrap();

@@ -88,12 +88,12 @@ impl Setup {
         let appearance = appearance
             .map(|appearance| SampledAppearance::new(appearance, &self.scene, &self.assets));
         let appearance = appearance.transpose()?;
-        let scene = RenderScene::with_person(
+        let scene = RenderScene::with_meshes(
             &self.model,
             &self.scene,
             &self.assets,
-            appearance.as_ref(),
-            self.person.as_ref(),
+            (appearance.as_ref(), self.person.as_ref()),
+            self.graphics.meshes(),
         )?;
         let mut cameras = self
             .scenario

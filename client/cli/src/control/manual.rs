@@ -279,6 +279,17 @@ pub const DOCTOR: &str = manual!(
 "
 );
 
+/// `wheelarm cache`.
+pub const CACHE: &str = manual!(
+    "  wheelarm cache          the folder, number and size of its entries
+  wheelarm cache clear    removes all entries
+",
+    "  0  shown or cleared
+  1  the folder cannot be listed, or an entry cannot be removed
+",
+    "\n  WHEELARM_CACHE    folder of the cache; off for none"
+);
+
 /// `wheelarm completions`.
 pub const COMPLETIONS: &str = manual!(
     "  wheelarm completions bash > ~/.local/share/bash-completion/completions/wheelarm

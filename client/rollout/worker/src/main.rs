@@ -20,6 +20,7 @@ use std::sync::Arc;
 use anyhow::{Context, bail};
 use clap::{CommandFactory, Parser};
 use parking_lot::Mutex;
+use wheelarm_proto::cache::Store;
 use wheelarm_proto::installed;
 use wheelarm_proto::program::{error_chain, version};
 use wheelarm_rollout::protocol::{Reply, Request};
@@ -95,7 +96,7 @@ fn work(args: Args) -> anyhow::Result<()> {
     let room = Arc::new(Room {
         session: service::session::within()?,
         assets,
-        graphics: Graphics::for_adapter(args.adapter.as_deref()),
+        graphics: Graphics::for_adapter(args.adapter.as_deref()).caching(Store::open()),
         runtime: runtime.handle().clone(),
     });
     let output = Output::default();

@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use nalgebra::{Point3, Vector3};
+use serde::{Deserialize, Serialize};
 
 use super::surroundings::{Surroundings, across};
 
@@ -89,7 +90,7 @@ impl Outline {
 }
 
 /// The light of one plane of a body.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Chart {
     right: Vector3<f64>,
     ahead: Vector3<f64>,
@@ -99,10 +100,29 @@ pub(super) struct Chart {
     /// First texel, relative to the origin of the world.
     low: [i32; 2],
     size: [usize; 2],
-    /// Whether a triangle covers each texel.
+    /// Corners of the rectangle around the triangles.
+    bounds: Bounds,
+    /// Whether a triangle covers each texel. Empty in a chart from the cache on disk.
+    #[serde(skip)]
     covered: Arc<[bool]>,
     /// Light, row by row.
+    #[serde(with = "shared_bytes")]
     values: Arc<[u8]>,
+}
+
+/// Shared bytes in an entry of the cache.
+mod shared_bytes {
+    use std::sync::Arc;
+
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    pub fn serialize<S: Serializer>(bytes: &Arc<[u8]>, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_bytes(bytes)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Arc<[u8]>, D::Error> {
+        <&[u8]>::deserialize(from).map(Arc::from)
+    }
 }
 
 impl Chart {
@@ -152,8 +172,18 @@ impl Chart {
             || INSIDE.iter().any(|shares| deviates(*shares, FLAT_INSIDE))
     }
 
+    /// Whether the light of both is the same in the same surroundings.
     fn has_outline_of(&self, other: &Self) -> bool {
-        (self.low, self.size) == (other.low, other.size) && self.covered == other.covered
+        let own = |chart: &Self| {
+            let axes = [chart.right, chart.ahead, chart.normal];
+            (axes, chart.height, chart.low, chart.size, chart.bounds)
+        };
+        own(self) == own(other) && self.covered == other.covered
+    }
+
+    /// Whether it has a value for every texel.
+    pub(super) fn is_complete(&self) -> bool {
+        self.size[0].checked_mul(self.size[1]) == Some(self.values.len())
     }
 }
 
@@ -182,10 +212,10 @@ impl Planes {
         known: &BTreeMap<Plane, Chart>,
     ) -> BTreeMap<Plane, Chart> {
         let chart = |(plane, outline): (Plane, Outline)| {
-            let (mut chart, bounds) = outline.chart()?;
+            let mut chart = outline.chart()?;
             chart.values = match known.get(&plane).filter(|old| old.has_outline_of(&chart)) {
                 Some(old) => Arc::clone(&old.values),
-                None => outline.compute_light(&chart, bounds, around),
+                None => outline.compute_light(&chart, around),
             };
             Some((plane, chart))
         };
@@ -197,8 +227,8 @@ impl Planes {
 type Bounds = [[f64; 2]; 2];
 
 impl Outline {
-    /// A chart without values, and the bounds of the triangles.
-    fn chart(&self) -> Option<(Chart, Bounds)> {
+    /// A chart without values.
+    fn chart(&self) -> Option<Chart> {
         let (mut least, mut most) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for point in self.triangles.iter().flatten() {
             for k in 0..2 {
@@ -223,28 +253,24 @@ impl Outline {
         for triangle in &self.triangles {
             cover(triangle, low, size, &mut covered);
         }
-        let chart = Chart {
+        Some(Chart {
             right: self.right,
             ahead: self.ahead,
             normal: self.normal,
             height: self.height,
             low,
             size,
+            bounds: [least, most],
             covered: covered.into(),
             values: Arc::default(),
-        };
-        Some((chart, [least, most]))
+        })
     }
 
     /// Values of a chart: weighted means of the covered texels around each texel. Texels
     /// inside a body in front of the surface do not count.
-    fn compute_light(
-        &self,
-        chart: &Chart,
-        [least, most]: Bounds,
-        around: &Surroundings,
-    ) -> Arc<[u8]> {
+    fn compute_light(&self, chart: &Chart, around: &Surroundings) -> Arc<[u8]> {
         let [width, height] = chart.size;
+        let [least, most] = chart.bounds;
         let place = |i: usize| {
             let at = [i % width, i / width];
             let [x, y] = std::array::from_fn(|k| {
@@ -253,10 +279,12 @@ impl Outline {
             });
             Point3::from(self.right * x + self.ahead * y + self.normal * self.height)
         };
+        let rays = around.hemisphere(&self.normal);
+        let light = |i: usize| around.of_surface_along(&place(i), &self.normal, &rays) as f32;
         let mut sums = vec![[0.0f32; 2]; width * height];
         for (i, sum) in sums.iter_mut().enumerate() {
             if chart.covered[i] && around.is_free_before(&place(i), &self.normal) {
-                *sum = [around.of_surface(&place(i), &self.normal) as f32, 1.0];
+                *sum = [light(i), 1.0];
             }
         }
         for step in [1, width] {
@@ -265,7 +293,7 @@ impl Outline {
         let value = |(i, [sum, weight]): (usize, [f32; 2])| {
             let light = match weight > 0.0 {
                 true => sum / weight,
-                false if chart.covered[i] => around.of_surface(&place(i), &self.normal) as f32,
+                false if chart.covered[i] => light(i),
                 false => 1.0,
             };
             (light.clamp(0.0, 1.0) * 255.0).round() as u8
@@ -374,7 +402,7 @@ impl AmbientMap {
     }
 
     /// Packs charts in rows, the tallest first.
-    pub(super) fn new(charts: &[Chart]) -> Self {
+    pub(super) fn new(charts: &[&Chart]) -> Self {
         let mut order: Vec<usize> = (0..charts.len()).collect();
         order.sort_by_key(|&i| (std::cmp::Reverse(charts[i].size[1]), i));
         let mut places = vec![None; charts.len()];
@@ -402,7 +430,7 @@ impl AmbientMap {
                 texels[at..at + values.len()].copy_from_slice(values);
             }
         }
-        let placed = |(chart, place): (&Chart, Option<[usize; 2]>)| {
+        let placed = |(chart, place): (&&Chart, Option<[usize; 2]>)| {
             let place = place?;
             let origin = |k: usize| (place[k] as f64 - f64::from(chart.low[k])) * TEXEL;
             Some(PlacedChart {

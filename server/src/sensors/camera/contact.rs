@@ -10,9 +10,11 @@
 //! not darkened.
 
 use nalgebra::{Isometry3, Point3, Vector3};
+use serde::{Deserialize, Serialize};
 
 use super::ambient_map::{PlacedChart, PlacedCharts};
-use super::buffers::{Batch, Body, Shine};
+use super::batch::{Batch, Shine};
+use super::buffers::Body;
 use super::culling_clusters::{Cluster, Outline, Piece};
 use super::scene::Binding;
 use super::view::View;
@@ -48,7 +50,7 @@ const LEAST_SIDE: f64 = 0.02;
 const LEAST_RADIUS: f64 = 0.003;
 
 /// A capsule in the frame of its body.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Occluder {
     pub(super) body: usize,
     centre: Point3<f64>,
@@ -86,6 +88,11 @@ impl Occluder {
             reach,
             strength: radius / (square * falloff * fade.powi(3)),
         })
+    }
+
+    /// The same capsule on another body.
+    pub(super) fn on_body(self, body: usize) -> Self {
+        Self { body, ..self }
     }
 
     pub(super) fn placed(&self, pose: &Isometry3<f64>) -> PlacedOccluder {

@@ -4,9 +4,10 @@
 use std::ops::Range;
 
 use nalgebra::{Point3, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// A cluster of triangles, in the frame of their body.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Cluster {
     pub(super) indices: Range<u32>,
     /// Centre of the bounding box.
@@ -20,11 +21,12 @@ pub(super) struct Cluster {
     /// Those of its triangles that are on charts of the ambient map, in order.
     pub(super) pieces: Vec<Piece>,
     /// Its number among the clusters that objects may darken.
+    #[serde(skip)]
     pub(super) number: Option<usize>,
 }
 
 /// Neighbouring triangles on one chart of the ambient map.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Piece {
     pub(super) indices: Range<u32>,
     /// Index of the chart.
@@ -33,7 +35,7 @@ pub(super) struct Piece {
 }
 
 /// Extent of a piece, in the frame of its body.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) enum Outline {
     /// A single triangle.
     Triangle([Point3<f64>; 3]),
@@ -189,7 +191,7 @@ mod tests {
     use nalgebra::{Isometry3, UnitQuaternion};
 
     use super::super::buffers::Buffers;
-    use super::super::surroundings::Surroundings;
+    use super::super::part_cache::Home;
     use super::super::tier::Tier;
     use super::super::view::View;
     use super::super::{Binding, CameraSpec, Graphics, Quality, RenderScene};
@@ -248,10 +250,11 @@ mod tests {
 
     /// All rendered geometry of a scene.
     fn buffers(scene: &RenderScene, quality: Quality) -> Buffers {
-        let surroundings = Surroundings::new(scene);
-        let graphics = Graphics::default();
+        let (home, graphics) = (Home::new(scene), Graphics::default());
+        let surroundings = graphics.parts().surroundings(&home, scene);
         let mut light = graphics.last_home().take(&surroundings);
-        Buffers::new(scene, &mut light, Tier::for_scene(quality, scene))
+        let tier = Tier::for_scene(quality, scene);
+        Buffers::new(scene, (&home, &mut light), tier, graphics.parts())
     }
 
     #[test]

@@ -5,7 +5,8 @@ use std::ops::Range;
 use nalgebra::{Isometry3, Point3};
 use wgpu::util::DeviceExt;
 
-use super::buffers::{Batch, Body, Buffers, Finish, Shine, Vertex};
+use super::batch::{Batch, Finish, Shine, Vertex};
+use super::buffers::{Body, Buffers};
 use super::contact::Contacts;
 use super::culling_clusters::Cluster;
 use super::pipelines::Ambient;

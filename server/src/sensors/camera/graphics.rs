@@ -1,24 +1,28 @@
-//! A graphics device and its pipelines, shared between renderers: drivers take long to
-//! start and to compile.
+//! A graphics device, its pipelines and the parts of scenes that renderers share: drivers
+//! take long to start and to compile, and most of a scene stays the same.
 
 use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use parking_lot::Mutex;
+use wheelarm_proto::cache::Store;
 
 use super::RenderError;
 use super::adapter::{self, AdapterInfo, AdapterKind};
 use super::ambient_occlusion::LastHome;
 use super::driver_lock::DriverLock;
+use super::mesh_cache::MeshCache;
 use super::packing::{Packer, Packing};
+use super::part_cache::PartCache;
+use super::patterns::PatternCache;
 use super::pipelines::Pipelines;
 use super::tier::Tier;
 use super::timing;
 
-/// An adapter shared by renderers, opened with the first of them. A failed device is
-/// not reused.
-#[derive(Clone, Default)]
+/// An adapter shared by renderers, opened with the first of them, and a cache of what
+/// their scenes have in common. A failed device is not reused.
+#[derive(Clone)]
 pub struct Graphics {
     wanted: Option<String>,
     /// `None`: the default of the adapter.
@@ -27,6 +31,24 @@ pub struct Graphics {
     timed: bool,
     kept: Arc<Mutex<CachedParts>>,
     last_home: Arc<LastHome>,
+    meshes: Arc<MeshCache>,
+    parts: Arc<PartCache>,
+    patterns: Arc<PatternCache>,
+}
+
+impl Default for Graphics {
+    fn default() -> Self {
+        Self {
+            wanted: None,
+            packing: None,
+            timed: false,
+            kept: Arc::default(),
+            last_home: Arc::default(),
+            meshes: Arc::default(),
+            parts: Arc::new(PartCache::over(Store::at(None, 0))),
+            patterns: Arc::default(),
+        }
+    }
 }
 
 #[derive(Default)]
@@ -89,6 +111,15 @@ impl Graphics {
         }
     }
 
+    /// The same with entries of a store on disk, for the first scene of a process.
+    #[must_use]
+    pub fn caching(self, store: Store) -> Self {
+        Self {
+            parts: Arc::new(PartCache::over(store)),
+            ..self
+        }
+    }
+
     /// Opens the device for a later renderer, which waits for it. On failure the
     /// renderer tries again.
     pub fn open_ahead(&self) {
@@ -114,6 +145,22 @@ impl Graphics {
     /// Ambient light of the home that was rendered last.
     pub(super) fn last_home(&self) -> &LastHome {
         &self.last_home
+    }
+
+    /// Meshes of recent scenes.
+    #[must_use]
+    pub fn meshes(&self) -> &MeshCache {
+        &self.meshes
+    }
+
+    /// Buffers of bodies of recent scenes.
+    pub(super) fn parts(&self) -> &PartCache {
+        &self.parts
+    }
+
+    /// The uploaded images of the latest scene.
+    pub(super) fn patterns(&self) -> &PatternCache {
+        &self.patterns
     }
 
     /// The device, the pipelines of a tier, and the packer if the adapter packs.

@@ -9,6 +9,7 @@ mod adapter;
 mod ambient_map;
 mod ambient_occlusion;
 mod antialias;
+mod batch;
 mod buffers;
 mod contact;
 mod culling_clusters;
@@ -20,8 +21,11 @@ mod frame_data;
 mod geometry;
 mod graphics;
 mod mapping;
+mod mesh_cache;
 mod packing;
 mod parallel;
+mod part_cache;
+mod parts;
 mod patterns;
 mod person;
 mod pipelines;
@@ -48,6 +52,7 @@ pub use adapter::{AdapterInfo, AdapterKind};
 pub use deflate::Deflated;
 pub use error::RenderError;
 pub use graphics::Graphics;
+pub use mesh_cache::MeshCache;
 pub use packing::Packing;
 pub use renderer::{IN_FLIGHT, Renderer};
 pub use scene::{Binding, MOST_BODIES, RenderItem, RenderScene, RenderedPerson, Surrounding};
@@ -90,6 +95,8 @@ impl Frame {
 
 #[cfg(test)]
 mod ambient_tests;
+#[cfg(test)]
+mod cache_tests;
 #[cfg(test)]
 mod deflate_tests;
 #[cfg(test)]

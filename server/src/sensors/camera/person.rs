@@ -4,7 +4,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::buffers::{Buffers, Vertex, octahedral};
+use super::batch::{Vertex, octahedral};
+use super::buffers::Buffers;
 use super::geometry::Geometry;
 use super::scene::RenderScene;
 use crate::people::{HeadPose, Person};

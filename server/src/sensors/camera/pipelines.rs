@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 
-use super::buffers::{Finish, Shine};
+use super::batch::{Finish, Shine};
 use super::contact;
 use super::tier::Tier;
 
@@ -14,7 +14,7 @@ pub(super) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 /// IDs that are not stored in the alpha byte.
 pub(super) const IDS: wgpu::TextureFormat = wgpu::TextureFormat::R16Uint;
 
-const STRIDE: u64 = std::mem::size_of::<super::buffers::Vertex>() as u64;
+const STRIDE: u64 = std::mem::size_of::<super::batch::Vertex>() as u64;
 
 /// Source of the ambient occlusion of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,17 +1,22 @@
 //! Preparation of a renderer on the CPU.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
+
+use wheelarm_proto::cache::Key;
 
 use super::RenderError;
 use super::buffers::Buffers;
 use super::graphics::{Graphics, OpenDevice};
 use super::packing::Packer;
 use super::parallel;
+use super::part_cache::Home;
 use super::pipelines::Pipelines;
 use super::scene::{Binding, RenderScene};
 use super::spec::CameraSpec;
 use super::surroundings::Surroundings;
 use super::tier::Tier;
+use crate::geometry::texture::Image;
 
 /// Checks that the cameras fit the scene.
 pub(super) fn check_cameras(
@@ -43,8 +48,10 @@ pub(super) struct PreparedScene {
     pub(super) opened: OpenDevice,
     pub(super) pipelines: Arc<Pipelines>,
     pub(super) packer: Option<Arc<Packer>>,
-    pub(super) surroundings: Surroundings,
+    pub(super) surroundings: Arc<Surroundings>,
     pub(super) buffers: Buffers,
+    /// Decoded images that are not uploaded yet.
+    pub(super) images: BTreeMap<Key, Image>,
 }
 
 /// Computes everything that needs no adapter, while the driver starts and compiles.
@@ -55,14 +62,18 @@ pub(super) fn prepare(
 ) -> Result<PreparedScene, RenderError> {
     std::thread::scope(|scope| {
         let arranging = scope.spawn(|| {
-            let surroundings = Surroundings::new(scene);
+            // First, while there is little else in memory.
+            let store = graphics.parts().store();
+            let images = graphics.patterns().missing(&scene.textures, store);
+            let home = Home::new(scene);
+            let surroundings = graphics.parts().surroundings(&home, scene);
             let mut light = graphics.last_home().take(&surroundings);
-            let buffers = Buffers::new(scene, &mut light, tier);
+            let buffers = Buffers::new(scene, (&home, &mut light), tier, graphics.parts());
             graphics.last_home().keep(light);
-            (surroundings, buffers)
+            (surroundings, buffers, images)
         });
         let opened = graphics.open(tier);
-        let (surroundings, buffers) = parallel::joined(arranging);
+        let (surroundings, buffers, images) = parallel::joined(arranging);
         let (opened, pipelines, packer) = opened?;
         Ok(PreparedScene {
             opened,
@@ -70,6 +81,7 @@ pub(super) fn prepare(
             packer,
             surroundings,
             buffers,
+            images: images?,
         })
     })
 }

@@ -12,7 +12,7 @@ use wheelarm_proto::settings::Depth;
 
 use super::adapter::{self, AdapterInfo};
 use super::ambient_map::PlacedCharts;
-use super::buffers::Shine;
+use super::batch::Shine;
 use super::contact::{self, Nearby};
 use super::frame_data::FrameData;
 use super::geometry::{BodyRows, Geometry, Order, VisibleRange};
@@ -49,7 +49,7 @@ pub struct Renderer {
     rows: BodyRows,
     soft: SoftMeshes,
     person: Option<PersonMesh>,
-    surroundings: Surroundings,
+    surroundings: Arc<Surroundings>,
     lighting: Lighting,
     surrounding: Option<Surrounding>,
     shadow: ShadowMap,
@@ -69,6 +69,8 @@ pub struct Renderer {
     deflated: Vec<Option<Depth>>,
     /// Batches in flight, oldest first.
     pending: VecDeque<Vec<Pending>>,
+    /// The current image is discarded: only one of its pixels is rendered.
+    is_warming_up: bool,
 }
 
 /// Batches that can be submitted before the first one is read: the GPU continues with
@@ -127,6 +129,7 @@ impl Renderer {
             packer,
             surroundings,
             mut buffers,
+            images,
         } = prepare(scene, tier, graphics)?;
         let OpenDevice {
             info,
@@ -146,7 +149,12 @@ impl Renderer {
             contents: bytemuck::cast_slice(&buffers.materials),
             usage: wgpu::BufferUsages::STORAGE,
         });
-        let images = patterns::upload(&device, &queue, &buffers.patterns, &scene.textures);
+        let images = graphics.patterns().view(
+            (&device, &queue),
+            &buffers.patterns,
+            &scene.textures,
+            images,
+        )?;
         let shadow = ShadowMap::new(&device, sun, tier.shadow_size);
         let targets: Vec<Target> = cameras
             .iter()
@@ -222,6 +230,7 @@ impl Renderer {
             deflated: vec![None; cameras.len()],
             read_back,
             pending: VecDeque::new(),
+            is_warming_up: false,
         };
         renderer.check_failure()?;
         Ok(renderer)
@@ -254,15 +263,18 @@ impl Renderer {
     }
 
     /// Renders an image and discards it, if the pipelines have not been used: drivers
-    /// compile at first use.
+    /// compile at first use, however many pixels are rendered.
     ///
     /// # Errors
     /// As [`Renderer::render`].
     pub fn warm_up(&mut self, snapshot: &Snapshot, camera: usize) -> Result<(), RenderError> {
-        match self.pipelines.drew.load(Ordering::Relaxed) {
-            true => Ok(()),
-            false => self.render(snapshot, &[camera]).map(drop),
+        if self.pipelines.drew.load(Ordering::Relaxed) {
+            return Ok(());
         }
+        self.is_warming_up = true;
+        let rendered = self.render(snapshot, &[camera]);
+        self.is_warming_up = false;
+        rendered.map(drop)
     }
 
     /// Renders some of the cameras and waits for the images, in the given order.
@@ -486,6 +498,13 @@ impl Renderer {
         Ok(())
     }
 
+    /// Limits a pass to one pixel while an image is discarded.
+    fn limit(&self, pass: &mut wgpu::RenderPass<'_>) {
+        if self.is_warming_up {
+            pass.set_scissor_rect(0, 0, 1, 1);
+        }
+    }
+
     /// Whether a GPU renders the images of a camera.
     fn is_on_gpu(&self, camera: usize) -> bool {
         self.read_back[camera].order() == Order::Finish
@@ -561,6 +580,7 @@ impl Renderer {
             depth_stencil_attachment: Some(depth_attachment(depth, FARTHEST, resolve.is_none())),
             ..Default::default()
         });
+        self.limit(&mut pass);
         pass.set_bind_group(0, &self.scene_groups[camera], &[]);
         pass.set_bind_group(1, &self.shadow_group, &[]);
         self.geometry.set(&mut pass);
@@ -632,6 +652,7 @@ impl Renderer {
                 )),
                 ..Default::default()
             });
+            self.limit(&mut pass);
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &self.scene_groups[camera], &[]);
             self.geometry.set(&mut pass);

@@ -8,11 +8,12 @@ use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::RenderError;
 use super::decoration::parts;
+use super::mesh_cache::{MeshCache, SceneMeshes};
 use super::parallel;
 use crate::appearance::{Irradiance, Kind, Lamp, Reflection, SampledAppearance};
 use crate::geometry::mesh::{Detail, build_detail};
 use crate::geometry::plush::Skin;
-use crate::geometry::texture::{self, Image};
+use crate::geometry::texture::{self, Source};
 use crate::geometry::{Family, Material, Shape, TriMesh, Visual};
 use crate::people::{BodyPart, Person};
 use crate::robot::{RobotModel, SeatSettings};
@@ -69,7 +70,7 @@ pub struct RenderScene {
     /// Pieces of furniture on joints that a snapshot must have.
     pub sliding: usize,
     /// Images of the materials, by the names of their files.
-    pub textures: BTreeMap<String, Image>,
+    pub textures: BTreeMap<String, Source>,
     /// The person in the chair, with the IDs of the parts and the vertices that the
     /// head moves.
     pub person: Option<RenderedPerson>,
@@ -145,6 +146,21 @@ impl RenderScene {
         appearance: Option<&SampledAppearance>,
         person: Option<&Arc<Person>>,
     ) -> Result<Self, RenderError> {
+        let own = (appearance, person);
+        Self::with_meshes(robot, scene, assets, own, &MeshCache::default())
+    }
+
+    /// The same with the meshes of earlier scenes.
+    ///
+    /// # Errors
+    /// As [`RenderScene::new`].
+    pub fn with_meshes(
+        robot: &RobotModel,
+        scene: &Scene,
+        assets: &Path,
+        (appearance, person): (Option<&SampledAppearance>, Option<&Arc<Person>>),
+        meshes: &MeshCache,
+    ) -> Result<Self, RenderError> {
         let drawn = |visuals: &[Visual]| !visuals.is_empty();
         let is_visible = |object: &&Body| drawn(&object.visual) || object.soft.is_some();
         let counts = [
@@ -175,10 +191,7 @@ impl RenderScene {
                 lamps: Vec::new(),
             }),
         };
-        let mut meshes = MeshCache {
-            assets,
-            known: BTreeMap::new(),
-        };
+        let mut meshes = meshes.for_scene(assets);
         let kept = |m: &Material| {
             appearance.map_or_else(|| m.clone(), |appearance| appearance.unchanged(m))
         };
@@ -219,7 +232,7 @@ impl RenderScene {
         Ok(built)
     }
 
-    /// Reads the texture images of the items.
+    /// Reads the texture files of the items.
     fn load_textures(&mut self, assets: &Path) -> Result<(), RenderError> {
         let textures = self
             .items
@@ -227,12 +240,12 @@ impl RenderScene {
             .filter_map(|i| i.material.texture.as_ref());
         let names: BTreeSet<&str> = textures.map(|texture| texture.pattern.as_str()).collect();
         let names = names.into_iter().map(str::to_owned).collect();
-        let images = parallel::map(names, |name: String| {
-            let image = texture::load(assets, &name);
-            (name, image)
+        let sources = parallel::map(names, |name: String| {
+            let source = texture::read(assets, &name);
+            (name, source)
         });
-        for (name, image) in images {
-            self.textures.insert(name, image?);
+        for (name, source) in sources {
+            self.textures.insert(name, source?);
         }
         Ok(())
     }
@@ -369,7 +382,7 @@ impl RenderScene {
         visuals: &[Visual],
         (binding, body): (Binding, Isometry3<f64>),
         paint: &dyn Fn(&Material) -> Material,
-        meshes: &mut MeshCache<'_>,
+        meshes: &mut SceneMeshes<'_>,
     ) -> Result<(), RenderError> {
         if visuals.is_empty() {
             return Ok(());
@@ -416,7 +429,7 @@ impl RenderScene {
         &mut self,
         appearance: &SampledAppearance,
         mut number: usize,
-        meshes: &mut MeshCache<'_>,
+        meshes: &mut SceneMeshes<'_>,
     ) -> Result<(), RenderError> {
         for decoration in &appearance.decoration {
             let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), decoration.along);
@@ -485,33 +498,4 @@ fn is_building(items: &[RenderItem]) -> bool {
         })
         .fold(f64::NEG_INFINITY, f64::max);
     !(0.05..BUILDING_HEIGHT).contains(&highest)
-}
-
-/// Meshes with texture coordinates in repetitions, one per shape and texture.
-struct MeshCache<'a> {
-    assets: &'a Path,
-    known: BTreeMap<String, Arc<TriMesh>>,
-}
-
-impl MeshCache<'_> {
-    fn get(
-        &mut self,
-        shape: &Shape,
-        material: &Material,
-        detail: Detail,
-    ) -> Result<Arc<TriMesh>, crate::geometry::mesh::MeshError> {
-        let file = matches!(shape, Shape::Mesh { .. });
-        let detail = if file { Detail::Full } else { detail };
-        let key = format!("{shape:?} {:?} {detail:?}", material.texture);
-        if let Some(mesh) = self.known.get(&key) {
-            return Ok(mesh.clone());
-        }
-        let mut mesh = build_detail(shape, self.assets, detail)?;
-        if let Some(t) = &material.texture {
-            super::mapping::fit(&mut mesh, shape, t);
-        }
-        let mesh = Arc::new(mesh);
-        self.known.insert(key, mesh.clone());
-        Ok(mesh)
-    }
 }

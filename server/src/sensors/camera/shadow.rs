@@ -5,7 +5,8 @@ use std::ops::Range;
 
 use nalgebra::{Isometry3, Matrix4, Point3, Vector3};
 
-use super::buffers::{Buffers, Caster};
+use super::batch::Caster;
+use super::buffers::Buffers;
 use super::frame_data::FrameData;
 use super::geometry::Geometry;
 use super::pipelines::{DEPTH, Pipelines};

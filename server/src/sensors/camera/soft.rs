@@ -6,7 +6,8 @@ use std::collections::BTreeMap;
 use bytemuck::Zeroable;
 use nalgebra::{Isometry3, Point3};
 
-use super::buffers::{Buffers, Vertex, octahedral};
+use super::batch::{Vertex, octahedral};
+use super::buffers::Buffers;
 use super::geometry::Geometry;
 use super::scene::{Binding, RenderScene};
 use crate::geometry::plush::Skin;

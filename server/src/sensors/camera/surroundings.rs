@@ -16,13 +16,18 @@ const STRENGTH: f64 = 0.65;
 /// Largest number of cells along each axis.
 const MOST_CELLS: usize = 256;
 
+/// Number of rays from a point.
+const RAYS: usize = 28;
+/// Unit vectors over a hemisphere, denser at the pole.
+pub(super) type Hemisphere = [Vector3<f64>; RAYS];
+
 /// Occupied cells and sampling directions.
 pub(super) struct Surroundings {
     pub(super) low: Point3<f64>,
     pub(super) count: [usize; 3],
     pub(super) filled: Vec<bool>,
     /// Unit vectors over the hemisphere about z, denser at the pole.
-    directions: Vec<Vector3<f64>>,
+    directions: Hemisphere,
 }
 
 impl Surroundings {
@@ -86,6 +91,41 @@ impl Surroundings {
         }
     }
 
+    /// Its cells as bytes, for [`Self::from_bytes`].
+    pub(super) fn to_bytes(&self) -> Vec<u8> {
+        let mut bytes = Vec::with_capacity(48 + self.filled.len() / 8 + 1);
+        bytes.extend(self.low.iter().flat_map(|x| x.to_le_bytes()));
+        bytes.extend(self.count.iter().flat_map(|n| (*n as u64).to_le_bytes()));
+        let byte = |cells: &[bool]| {
+            let bits = cells.iter().enumerate();
+            bits.fold(0u8, |byte, (k, filled)| byte | u8::from(*filled) << k)
+        };
+        bytes.extend(self.filled.chunks(8).map(byte));
+        bytes
+    }
+
+    /// The inverse of [`Self::to_bytes`]; `None` for other bytes.
+    pub(super) fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        let (head, cells) = bytes.split_at_checked(48)?;
+        let mut words = head.as_chunks::<8>().0.iter().copied();
+        let low: [f64; 3] = std::array::from_fn(|_| words.next().map_or(0.0, f64::from_le_bytes));
+        let count: [usize; 3] =
+            std::array::from_fn(|_| words.next().map_or(0, u64::from_le_bytes) as usize);
+        let is_possible = count.iter().all(|n| (1..=MOST_CELLS).contains(n));
+        let cell_count: usize = is_possible.then(|| count.iter().product())?;
+        if cells.len() != cell_count.div_ceil(8) {
+            return None;
+        }
+        Some(Self {
+            low: low.into(),
+            count,
+            filled: (0..cell_count)
+                .map(|i| cells[i / 8] >> (i % 8) & 1 != 0)
+                .collect(),
+            directions: half_sphere(),
+        })
+    }
+
     /// Marks the cells of a triangle by points half a cell apart.
     pub(super) fn fill(&mut self, [a, b, c]: [Point3<f64>; 3]) {
         let (e, f) = (b - a, c - a);
@@ -115,15 +155,26 @@ impl Surroundings {
 
     /// Share of the ambient light that reaches a surface, 0 to 1.
     pub(super) fn of_surface(&self, p: &Point3<f64>, normal: &Vector3<f64>) -> f64 {
+        self.of_surface_along(p, normal, &self.hemisphere(normal))
+    }
+
+    /// The directions of the rays from a surface.
+    pub(super) fn hemisphere(&self, normal: &Vector3<f64>) -> Hemisphere {
         let (right, ahead) = across(normal);
+        self.directions
+            .map(|d| right * d.x + ahead * d.y + normal * d.z)
+    }
+
+    /// As [`Self::of_surface`]; `rays` is the [`Self::hemisphere`] of the normal.
+    pub(super) fn of_surface_along(
+        &self,
+        p: &Point3<f64>,
+        normal: &Vector3<f64>,
+        rays: &Hemisphere,
+    ) -> f64 {
         // Leave the surface's own cells first.
         let start = p + normal * (1.5 * CELL);
-        let blocked: f64 = self
-            .directions
-            .iter()
-            .map(|d| self.blocked(&start, &(right * d.x + ahead * d.y + normal * d.z)))
-            .sum();
-        1.0 - STRENGTH * blocked / self.directions.len() as f64
+        self.light(&start, rays)
     }
 
     /// Whether the rays of [`Self::of_surface`] start outside of other bodies.
@@ -140,13 +191,14 @@ impl Surroundings {
         let out = normal * (1.5 * CELL);
         let is_free = |p: &Point3<f64>| !self.cell(p).is_some_and(|cell| self.filled[cell]);
         let centre_is_free = is_free(&(p + out));
+        let rays = self.hemisphere(normal);
         let (mut sum, mut weights) = (0.0, 0.0);
         for [x, y, weight] in patch() {
             let offset = right * x + ahead * y;
             let at = p + offset;
             let half_way = p + offset * 0.5;
             if is_free(&(at + out)) && (!centre_is_free || is_free(&(half_way + out))) {
-                sum += weight * self.of_surface(&at, normal);
+                sum += weight * self.of_surface_along(&at, normal, &rays);
                 weights += weight;
             }
         }
@@ -160,12 +212,13 @@ impl Surroundings {
     /// Share of the ambient light from above that reaches a moving body.
     pub(super) fn of_body(&self, p: &Point3<f64>) -> f64 {
         let start = p + Vector3::z() * (1.5 * CELL);
-        let blocked: f64 = self
-            .directions
-            .iter()
-            .map(|d| self.blocked(&start, d))
-            .sum();
-        1.0 - STRENGTH * blocked / self.directions.len() as f64
+        self.light(&start, &self.directions)
+    }
+
+    /// Share of the light along the rays from a point that is not blocked.
+    fn light(&self, start: &Point3<f64>, rays: &Hemisphere) -> f64 {
+        let blocked: f64 = rays.iter().map(|d| self.blocked(start, d)).sum();
+        1.0 - STRENGTH * blocked / RAYS as f64
     }
 
     /// 1 for an occluder directly ahead, 0 for none within reach.
@@ -210,14 +263,11 @@ fn patch() -> [[f64; 3]; 13] {
 }
 
 /// Cosine-weighted directions about z: equal areas of the unit disc, lifted.
-fn half_sphere() -> Vec<Vector3<f64>> {
-    const COUNT: usize = 28;
+fn half_sphere() -> Hemisphere {
     let golden = std::f64::consts::PI * (3.0 - 5.0f64.sqrt());
-    (0..COUNT)
-        .map(|i| {
-            let r2 = (i as f64 + 0.5) / COUNT as f64;
-            let (sin, cos) = exact::sin_cos(i as f64 * golden);
-            Vector3::new(r2.sqrt() * cos, r2.sqrt() * sin, (1.0 - r2).sqrt())
-        })
-        .collect()
+    std::array::from_fn(|i| {
+        let r2 = (i as f64 + 0.5) / RAYS as f64;
+        let (sin, cos) = exact::sin_cos(i as f64 * golden);
+        Vector3::new(r2.sqrt() * cos, r2.sqrt() * sin, (1.0 - r2).sqrt())
+    })
 }

@@ -263,7 +263,7 @@ pub(super) fn floor_and_box() -> RenderScene {
         metres: 1.0,
     });
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
-    let planks = texture::load(&assets, "planks").unwrap();
+    let planks = texture::read(&assets, "planks").unwrap();
     RenderScene {
         textures: [("planks".to_owned(), planks)].into(),
         ..scene(items, 1)
