@@ -59,6 +59,12 @@ EXPERT_SEED ?= 950000
 POLICY_SEED ?= 557
 POLICY_TASK ?= pick_tomato_soup
 PLAN ?= assets/campaigns/small.toml
+# More than two: most system tests wait for a server.
+TEST_THREADS ?= $(shell n=$$(nproc); echo $$((n > 4 ? n : 4)))
+# Examples that tests run; clippy checks the others.
+RUN_EXAMPLES := --example camera --example memory --example policy
+# Seconds until the lints begin; see there.
+LINTS_AFTER ?= 20
 # burn compiles for minutes: only `make test-learn` builds client/learn.
 WITHOUT_LEARN := --exclude wheelarm-learn
 # Empty in the copy that this test makes.
@@ -69,7 +75,7 @@ export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 # Settings of another server in this shell must not affect servers that are started here.
 unexport WHEELARM_CONNECT WHEELARM_KEYS WHEELARM_SIM WHEELARM_USER
 
-.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial test-hashes test-expert test-variety soak train-mustard train-tasks train-multiplied demo-policy bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean
+.PHONY: all build static demo test test-learn lints suites contract test-cluster test-readers test-data test-original test-adversarial test-hashes test-expert test-variety soak train-mustard train-tasks train-multiplied demo-policy bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean
 all: build
 
 build:
@@ -94,7 +100,8 @@ test-dist:
 demo: build
 	"$(BUILT)/wheelarm" demo --seed $(SEED) --out "$(OUT)"
 
-# A test that cannot run here fails.
+# A test that cannot run here fails. Lints and documentation are checked while tests run:
+# most tests wait for servers in real time, and leave the cores idle.
 test: export WHEELARM_NO_SKIPS = 1
 test:
 	scripts/setup.sh room 8
@@ -104,10 +111,21 @@ test:
 	$(BUILD_TEST)
 	tests/drive.sh fast
 	$(CARGO) fmt --all --check
-	$(CARGO) clippy --release --workspace $(WITHOUT_LEARN) --all-targets -- -D warnings
-	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace $(WITHOUT_LEARN) --no-deps
-	$(CARGO) build --release --workspace $(WITHOUT_LEARN) --bins --tests
-	$(CARGO) test --release --workspace $(WITHOUT_LEARN)
+	$(CARGO) build --release --workspace $(WITHOUT_LEARN) --bins --tests $(RUN_EXAMPLES)
+	+$(MAKE) --no-print-directory -j 2 lints suites
+
+# Prints only what fails: the output of the tests appears at the same time. Begins when
+# `cargo test` has released the lock of the target folder: else the tests would wait.
+lints:
+	sleep $(LINTS_AFTER); log=$$(nice -n 19 sh -ec '\
+		$(CARGO) clippy --release --workspace $(WITHOUT_LEARN) --all-targets -- -D warnings && \
+		RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace $(WITHOUT_LEARN) --no-deps' 2>&1) \
+		|| { printf '%s\n' "$$log"; exit 1; }
+
+suites: export WHEELARM_NO_SKIPS = 1
+suites:
+	RUST_TEST_THREADS=$(TEST_THREADS) $(CARGO) test --release --workspace $(WITHOUT_LEARN) --lib --bins --tests
+	$(CARGO) test --release --workspace $(WITHOUT_LEARN) --doc
 	PYTHONPATH=client/python/src "$(WHEELARM_PYTHON)" -m pytest -q -m "not slow" client/python/tests
 
 test-learn:

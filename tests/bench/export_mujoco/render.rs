@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 use nalgebra::UnitQuaternion;
 use wheelarm_server::geometry::{TriMesh, texture};
 use wheelarm_server::robot::RobotModel;
@@ -174,7 +174,8 @@ fn obj(mesh: &TriMesh) -> Result<String> {
 /// PNG rows run from the top, texture rows from the bottom.
 fn write_texture(out: &Path, assets: &Path, pattern: &str) -> Result<()> {
     let image = texture::load(assets, pattern)?;
-    let rgb: Vec<u8> = image.levels[0]
+    let largest = image.levels().next().context("the image has no level")?;
+    let rgb: Vec<u8> = largest
         .chunks_exact(4 * texture::SIZE)
         .rev()
         .flat_map(|row| row.chunks_exact(4))

@@ -6,6 +6,7 @@ use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
 use super::culling_clusters::Cluster;
+use super::scene::Binding;
 use super::tier::Tier;
 use crate::geometry::Material;
 
@@ -123,6 +124,17 @@ pub(super) struct Batch {
     /// Bounding sphere in the frame of its body.
     pub(super) centre: Point3<f64>,
     pub(super) radius: f64,
+}
+
+/// A body: binding, ID, part of the shadow.
+#[derive(Clone, Debug)]
+pub(super) struct Body {
+    pub(super) binding: Binding,
+    pub(super) instance: u16,
+    /// Centre of its bounding box, in its frame.
+    pub(super) centre: Point3<f64>,
+    /// Shadow casters.
+    pub(super) casters: Vec<Caster>,
 }
 
 /// Triangles of a shadow caster, at coarse detail.

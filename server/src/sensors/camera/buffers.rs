@@ -8,7 +8,7 @@ use wheelarm_proto::exact;
 
 use super::ambient_map::AmbientMap;
 use super::ambient_occlusion::HomeLight;
-use super::batch::{AMBIENT, Batch, Caster, Finish, MATERIAL, Shine, Vertex};
+use super::batch::{AMBIENT, Batch, Body, Caster, Finish, MATERIAL, Shine, Vertex};
 use super::contact::Occluder;
 use super::culling_clusters::{Cluster, Piece};
 use super::part_cache::{Home, PartCache};
@@ -27,17 +27,6 @@ pub(super) struct GpuMaterial {
 
 /// Largest deformation of a deformable, metres: culling allows for it.
 const SOFT_REACH: f64 = 0.1;
-
-/// A body: binding, ID, part of the shadow.
-#[derive(Clone, Debug)]
-pub(super) struct Body {
-    pub(super) binding: Binding,
-    pub(super) instance: u16,
-    /// Centre of its bounding box, in its frame.
-    pub(super) centre: Point3<f64>,
-    /// Shadow casters.
-    pub(super) casters: Vec<Caster>,
-}
 
 /// All buffers of a scene.
 pub(super) struct Buffers {

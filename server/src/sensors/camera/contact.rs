@@ -13,8 +13,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::ambient_map::{PlacedChart, PlacedCharts};
-use super::batch::{Batch, Shine};
-use super::buffers::Body;
+use super::batch::{Batch, Body, Shine};
 use super::culling_clusters::{Cluster, Outline, Piece};
 use super::scene::Binding;
 use super::view::View;

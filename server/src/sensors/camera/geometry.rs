@@ -5,8 +5,8 @@ use std::ops::Range;
 use nalgebra::{Isometry3, Point3};
 use wgpu::util::DeviceExt;
 
-use super::batch::{Batch, Finish, Shine, Vertex};
-use super::buffers::{Body, Buffers};
+use super::batch::{Batch, Body, Finish, Shine, Vertex};
+use super::buffers::Buffers;
 use super::contact::Contacts;
 use super::culling_clusters::Cluster;
 use super::pipelines::Ambient;
@@ -144,7 +144,7 @@ impl Geometry {
             let order = key(a.0, a.1).cmp(&key(b.0, b.1));
             order.then(a.0.total_cmp(&b.0))
         });
-        // Glass comes last, from back to front.
+        // Glass is last, from back to front.
         let (glass, mut visible): (Vec<_>, Vec<_>) = visible
             .into_iter()
             .partition(|(_, finish, _)| finish.shine == Shine::Glass);

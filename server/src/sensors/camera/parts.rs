@@ -383,7 +383,7 @@ impl KnownVertices {
         }
     }
 
-    /// The index of a vertex of `part`, which is appended if there is no equal one.
+    /// The index of a vertex of `part`, which is appended unless an equal one exists.
     fn find_or_insert(
         &mut self,
         part: &mut Part,

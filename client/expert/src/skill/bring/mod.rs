@@ -15,7 +15,7 @@ use nalgebra::Isometry3;
 use wheelarm_proto::v1::Phase;
 
 pub use self::plan::Way;
-use self::plan::{End, Plan, To};
+use self::plan::{End, HeldBalls, Plan, To};
 use super::back_off::{BACKING_OFF, BackOff};
 use super::{Act, Now, Skill, Step, lift};
 use crate::clearance::{Surroundings, held_balls};
@@ -92,12 +92,13 @@ fn paths(
     let Some(plan) = Plan::of(now, tool_from_item, &start, None) else {
         return Vec::new();
     };
-    let balls = held_balls(&now.scene.items[now.goal.item()].boxes, tool_from_item);
+    let boxes = &now.scene.items[now.goal.item()].boxes;
+    let held = HeldBalls::new(held_balls(boxes, tool_from_item));
     let ways = plan.ways(&start);
     let clear = |room: &[f64; 2]| -> Vec<&Way> {
         let clear = ways.iter();
         let clear: Vec<&Way> = clear
-            .filter(|way| plan.keeps_clear(way, &balls, *room))
+            .filter(|way| plan.keeps_clear(way, &held, *room))
             .collect();
         // Some of each kind.
         let step = clear.len().div_ceil(TRIED).max(1);
@@ -327,21 +328,19 @@ fn choose(now: &mut Now<'_>) -> Result<Way, String> {
     const NO_PERSON: &str = "no seated person";
     let held = now.memory.held.unwrap_or_else(|| now.object_in_hand());
     let item = now.goal.item();
-    let balls = held_balls(&now.scene.items[item].boxes, &held);
+    let balls = HeldBalls::new(held_balls(&now.scene.items[item].boxes, &held));
     let width = now
         .memory
         .candidate
         .map_or(0.0, |candidate| candidate.width);
     let chair = now.observation.house_from_chair;
     let start = chair.inverse() * now.house_from_desired();
-    let ways = Plan::of(now, &held, &start, mouth(now))
-        .ok_or(NO_PERSON)?
-        .ways(&start);
+    let plan = Plan::of(now, &held, &start, mouth(now)).ok_or(NO_PERSON)?;
+    let ways = plan.ways(&start);
     let [mut person, mut obstacles, mut reach] = [0; 3];
     let mut quick = None;
     for room in ROOMS {
         for way in &ways {
-            let plan = Plan::of(now, &held, &start, mouth(now)).ok_or(NO_PERSON)?;
             if !plan.keeps_clear(way, &balls, room) {
                 person += 1;
                 continue;
@@ -349,7 +348,7 @@ fn choose(now: &mut Now<'_>) -> Result<Way, String> {
             let poses: Vec<_> = plan.poses(way).iter().map(|pose| chair * pose).collect();
             let stops = [&[chair * start], &poses[..]].concat();
             let around = now.scene.around(&stops, now.poses, Some(item));
-            if !is_free(&around, now, &stops, &balls, width) {
+            if !is_free(&around, now, &stops, &balls.balls, width) {
                 obstacles += 1;
             } else if now.reaches_gently(&poses) {
                 return Ok(way.clone());

@@ -186,7 +186,7 @@ impl<'a> Plan<'a> {
 
     /// Whether what is in the hand keeps clear of the person on the way round, and on
     /// the straight way to the lips of all but the head, or down to the lap.
-    pub fn keeps_clear(&self, way: &Way, balls: &[Ball], room: [f64; 2]) -> bool {
+    pub fn keeps_clear(&self, way: &Way, held: &HeldBalls, room: [f64; 2]) -> bool {
         let poses = self.poses(way);
         let straight = poses.len() - way.corners.len() + 1;
         let room = |back: usize, moves: bool| match self.to {
@@ -195,14 +195,42 @@ impl<'a> Plan<'a> {
             _ => Some(room[usize::from(moves)]),
         };
         poses.iter().rev().enumerate().all(|(back, tool)| {
-            balls.iter().all(|ball| {
-                let at = tool * Point3::from(ball.centre);
-                self.person.capsules.iter().all(|capsule| {
-                    room(back, capsule.moves)
-                        .is_none_or(|room| capsule.distance(&at) > ball.radius + room)
-                })
+            let middle = tool * Point3::from(held.around.centre);
+            self.person.capsules.iter().all(|capsule| {
+                let Some(room) = room(back, capsule.moves) else {
+                    return true;
+                };
+                let clear = |at: &Point3<f64>, radius: f64| capsule.distance(at) > radius + room;
+                clear(&middle, held.around.radius)
+                    || held
+                        .balls
+                        .iter()
+                        .all(|ball| clear(&(tool * Point3::from(ball.centre)), ball.radius))
             })
         })
+    }
+}
+
+/// Balls of a held object, in the end effector's frame, and one around all of them.
+pub struct HeldBalls {
+    pub(super) balls: Vec<Ball>,
+    around: Ball,
+}
+
+impl HeldBalls {
+    pub fn new(balls: Vec<Ball>) -> Self {
+        let centres = balls.iter().map(|ball| ball.centre);
+        let centre = centres.sum::<Vector3<f64>>() / balls.len().max(1) as f64;
+        let reach = |ball: &Ball| (ball.centre - centre).norm() + ball.radius;
+        let radius = balls.iter().map(reach).fold(0.0, f64::max);
+        Self {
+            balls,
+            around: Ball {
+                centre,
+                // Rounding: what it excludes is clear for each ball too.
+                radius: radius + 1e-6,
+            },
+        }
     }
 }
 
