@@ -313,8 +313,6 @@ fn approach(now: &mut Now<'_>, candidate: &GraspCandidate, stops: &[Isometry3<f6
         }
         Some(ApproachHabit::Correct([x, y, z])) => {
             let start = now.scene.house_from_tool(now.observation);
-            let plain = [&[start], stops].concat();
-            let plain_is_clear = is_clear(now, candidate, &plain);
             // The lateral error shrinks where it would collide; the error along the approach stays.
             for share in [1.0, 0.5, 0.0] {
                 let misjudged = candidate.pregrasp * Translation3::new(share * x, share * y, z);
@@ -322,11 +320,7 @@ fn approach(now: &mut Now<'_>, candidate: &GraspCandidate, stops: &[Isometry3<f6
                 if let Some(last) = short.last_mut() {
                     *last = misjudged;
                 }
-                // Where the plain movement has too little room, only the end differs from it.
-                let line = match plain_is_clear {
-                    true => [&[start], &short[..], &[candidate.pregrasp]].concat(),
-                    false => vec![misjudged, candidate.pregrasp],
-                };
+                let line = [&[start], &short[..], &[candidate.pregrasp]].concat();
                 if is_clear(now, candidate, &line) {
                     return approach_stopping(now, candidate, &short);
                 }
