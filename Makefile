@@ -125,8 +125,8 @@ lints:
 suites: export WHEELARM_NO_SKIPS = 1
 suites:
 	RUST_TEST_THREADS=$(TEST_THREADS) $(CARGO) test --release --workspace $(WITHOUT_LEARN) --lib --bins --tests
-	$(CARGO) test --release --workspace $(WITHOUT_LEARN) --doc
 	PYTHONPATH=client/python/src "$(WHEELARM_PYTHON)" -m pytest -q -m "not slow" client/python/tests
+	$(CARGO) test --release --workspace $(WITHOUT_LEARN) --doc
 
 test-learn:
 	scripts/setup.sh
