@@ -63,6 +63,8 @@ PLAN ?= assets/campaigns/small.toml
 TEST_THREADS ?= $(shell n=$$(nproc); echo $$((n > 3 ? n : 3)))
 # Examples that tests run; clippy checks the others.
 RUN_EXAMPLES := --example camera --example memory --example policy
+# GNU make 4.4 would give cargo its own two jobs.
+ALONE := env -u MAKEFLAGS -u MFLAGS
 # Seconds until the lints begin; see there.
 LINTS_AFTER ?= 20
 # burn compiles for minutes: only `make test-learn` builds client/learn.
@@ -118,15 +120,18 @@ test:
 # `cargo test` has released the lock of the target folder: else the tests would wait.
 lints:
 	sleep $(LINTS_AFTER); log=$$(nice -n 19 sh -ec '\
-		$(CARGO) clippy --release --workspace $(WITHOUT_LEARN) --all-targets -- -D warnings && \
-		RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace $(WITHOUT_LEARN) --no-deps' 2>&1) \
+		$(ALONE) $(CARGO) clippy --release --workspace $(WITHOUT_LEARN) --all-targets -- -D warnings && \
+		RUSTDOCFLAGS="-D warnings" $(ALONE) $(CARGO) doc --release --workspace $(WITHOUT_LEARN) --no-deps' 2>&1) \
 		|| { printf '%s\n' "$$log"; exit 1; }
 
 suites: export WHEELARM_NO_SKIPS = 1
+# Entries of other builds must not affect tests.
+suites: export WHEELARM_CACHE = $(if $(filter /%,$(BUILT)),$(BUILT),$(CURDIR)/$(BUILT))/test-cache
 suites:
-	RUST_TEST_THREADS=$(TEST_THREADS) $(CARGO) test --release --workspace $(WITHOUT_LEARN) --lib --bins --tests
+	rm -rf "$(WHEELARM_CACHE)"
+	RUST_TEST_THREADS=$(TEST_THREADS) $(ALONE) $(CARGO) test --release --workspace $(WITHOUT_LEARN) --lib --bins --tests
 	PYTHONPATH=client/python/src "$(WHEELARM_PYTHON)" -m pytest -q -m "not slow" client/python/tests
-	$(CARGO) test --release --workspace $(WITHOUT_LEARN) --doc
+	$(ALONE) $(CARGO) test --release --workspace $(WITHOUT_LEARN) --doc
 
 test-learn:
 	scripts/setup.sh
