@@ -24,7 +24,7 @@ struct Options {
     /// Folder with robots, scenes, objects and materials.
     #[arg(long, default_value = "assets")]
     assets: PathBuf,
-    /// Tasks of the episodes, by turns.
+    /// Tasks of the episodes, one after the other.
     #[arg(long, default_value = "pick_mustard")]
     task: Vec<String>,
     /// Episodes, with the seeds from 0 on.

@@ -183,7 +183,8 @@ impl Chart {
 
     /// Whether it has a value for every texel.
     pub(super) fn is_complete(&self) -> bool {
-        self.size[0].checked_mul(self.size[1]) == Some(self.values.len())
+        let is_possible = |n: &usize| (1..=MOST_TEXELS as usize).contains(n);
+        self.size.iter().all(is_possible) && self.size[0] * self.size[1] == self.values.len()
     }
 }
 
@@ -464,5 +465,32 @@ impl AmbientMap {
             let share = (texel * TEXEL + placed.origin[k]) / self.charts.extent[k];
             (share * 65535.0).round() as u16
         }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_chart_has_a_value_for_every_texel_of_a_possible_size() {
+        let is_complete = |size: [usize; 2], values: usize| {
+            Chart {
+                right: Vector3::x(),
+                ahead: Vector3::y(),
+                normal: Vector3::z(),
+                height: 0.0,
+                low: [0; 2],
+                size,
+                bounds: [[0.0; 2]; 2],
+                covered: Arc::default(),
+                values: vec![255; values].into(),
+            }
+            .is_complete()
+        };
+        assert!(is_complete([2, 3], 6));
+        for (size, values) in [([2, 3], 5), ([0, 3], 0), ([3, 0], 0), ([251, 1], 251)] {
+            assert!(!is_complete(size, values), "{size:?}");
+        }
     }
 }
