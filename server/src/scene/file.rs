@@ -70,9 +70,11 @@ pub(super) struct FurnitureEntry {
     pub collision: Option<Vec<PartEntry>>,
     #[serde(default)]
     pub surfaces: Vec<SurfaceEntry>,
-    /// Sliding furniture.
+    /// Furniture that slides.
     pub slide: Option<SlideEntry>,
-    /// Grasps, in its own frame; for sliding furniture.
+    /// Furniture that turns; instead of `slide`.
+    pub hinge: Option<HingeEntry>,
+    /// Grasps, in its own frame; for furniture on a joint.
     #[serde(default)]
     pub grasps: Vec<GraspEntry>,
     /// Only present in variants of an area that name it.
@@ -96,6 +98,27 @@ pub(super) struct SlideEntry {
     /// Dry friction, N.
     pub friction: f64,
     /// N·s/m.
+    pub damping: f64,
+}
+
+/// Turning of furniture about an axis through the origin of its frame; its pose is that
+/// at joint position 0.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct HingeEntry {
+    /// Earlier furniture on which it turns and with which it does not collide.
+    pub on: String,
+    /// Axis in its own frame; positive angles are right-handed.
+    pub axis: [f64; 3],
+    /// Largest angle.
+    pub travel_deg: f64,
+    pub mass: f64,
+    pub com: [f64; 3],
+    /// Ixx, Iyy, Izz about the centre of mass along its axes.
+    pub inertia: [f64; 3],
+    /// Dry friction, N·m.
+    pub friction: f64,
+    /// N·m·s.
     pub damping: f64,
 }
 
