@@ -18,7 +18,7 @@ const RETREAT: [f64; 4] = [0.08, 0.05, 0.03, 0.015];
 pub struct Release {
     go_home: bool,
     begun: Option<f64>,
-    /// Of furniture that turns: the handle in its own frame, and where the hand let go,
+    /// Of furniture that turns: the handle in its own frame, and where the hand opened,
     /// in `base_link`.
     turned: Option<(Point3<f64>, Isometry3<f64>)>,
     motion: Option<Motion>,
