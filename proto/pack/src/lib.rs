@@ -50,6 +50,6 @@ pub use tables::part::{
     RoundedBoxEntry, SphereEntry,
 };
 pub use tables::scene::{
-    FurnitureEntry, LightEntry, ObjectEntry, RoomCameraEntry, SceneFile, SlideEntry, StartEntry,
-    SurfaceEntry,
+    FurnitureEntry, HingeEntry, LightEntry, ObjectEntry, RoomCameraEntry, SceneFile, SlideEntry,
+    StartEntry, SurfaceEntry,
 };

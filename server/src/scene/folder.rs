@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
+use wheelarm_pack::Pack;
 
 use super::error::{Place, SceneError};
 
@@ -83,6 +84,16 @@ fn unreadable(assets: &Path, path: &str, source: std::io::Error) -> SceneError {
 pub(crate) fn parse<T: DeserializeOwned>(assets: &Path, path: &str) -> Result<T, SceneError> {
     toml::from_str(&text(assets, path)?).map_err(|source| SceneError::Parse {
         file: path.to_owned(),
+        source: Box::new(source),
+        cure: "correct the key or the value at the mark".to_owned(),
+    })
+}
+
+/// A file of a pack as its file type.
+pub(super) fn parse_packed<T: DeserializeOwned>(pack: &Pack, path: &str) -> Result<T, SceneError> {
+    let bytes = pack.file(path).unwrap_or_default();
+    toml::from_str(&String::from_utf8_lossy(bytes)).map_err(|source| SceneError::Parse {
+        file: pack.asset_path(path),
         source: Box::new(source),
         cure: "correct the key or the value at the mark".to_owned(),
     })

@@ -22,7 +22,10 @@ pub(crate) use folder::{names, parse, provenance, text};
 pub use object::object;
 pub use soft::Soft;
 
+use std::sync::Arc;
+
 use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};
+use wheelarm_pack::Pack;
 
 use crate::geometry::{Part, Visual};
 
@@ -47,6 +50,8 @@ pub struct Scene {
     pub room_camera: RoomCamera,
     /// Its text files, below the assets folder and sorted.
     pub files: Vec<String>,
+    /// Its world pack; `None` for a scene of the assets.
+    pub pack: Option<Arc<Pack>>,
 }
 
 /// A body of the scene.

@@ -11,7 +11,6 @@ use wheelarm_proto::v1::FailureCode;
 use wheelarm_proto::{Message, v1};
 
 use super::Engine;
-use crate::geometry::bounds;
 use crate::scene::Body;
 use crate::service::denied::Denied;
 use crate::service::pending_operation::{PendingOperation, Permission};
@@ -540,15 +539,10 @@ fn body(body: &Body, fixed: bool) -> v1::SceneBody {
         nalgebra::Isometry3::identity()
     };
     let boxes = body
-        .collision
-        .iter()
-        .filter_map(|part| {
-            let (centre, half) = bounds(&part.shape)?;
-            let pose = world_from_body * part.pose * nalgebra::Translation3::from(centre);
-            Some(v1::BoxGeometry {
-                pose: Some(convert::pose(&pose)),
-                half: Some(convert::vector(&half)),
-            })
+        .collision_boxes()
+        .map(|(body_from_box, half)| v1::BoxGeometry {
+            pose: Some(convert::pose(&(world_from_body * body_from_box))),
+            half: Some(convert::vector(&half)),
         })
         .collect();
     v1::SceneBody {
