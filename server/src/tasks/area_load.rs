@@ -6,6 +6,8 @@ use std::path::Path;
 
 use serde::Deserialize;
 
+use wheelarm_proto::furniture::JointMotion;
+
 use super::area::{AreaSpec, PlaceSpec, Range, RestShares, SlideSpec, StartSpec, Variant};
 use super::name_check::{known_joint, known_object};
 use super::rest::lying;
@@ -76,19 +78,20 @@ struct PlaceEntry {
     hides: f64,
 }
 
-/// Ranges of sliding furniture.
+/// Ranges of furniture on a joint.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SlideEntry {
     /// For example `drawer_1_joint`.
     joint: String,
-    /// N.
+    /// N, or N·m of a hinge.
     friction: [f64; 2],
-    /// N·s/m.
+    /// N·s/m, or N·m·s of a hinge.
     damping: [f64; 2],
-    /// Initial joint position, m.
-    #[serde(default)]
-    position: [f64; 2],
+    /// Initial position of what slides, m.
+    position: Option<[f64; 2]>,
+    /// Initial angle of what turns.
+    position_deg: Option<[f64; 2]>,
 }
 
 /// A variant of the area's contents.
@@ -360,14 +363,50 @@ fn read_place(place: &Place, scene: &Scene, entry: &PlaceEntry) -> Result<PlaceS
 }
 
 fn read_slide(place: &Place, scene: &Scene, entry: &SlideEntry) -> Result<SlideSpec, SceneError> {
-    let [friction, damping, position] =
-        ["friction", "damping", "position"].map(|key| place.key(key));
     let joint = known_joint(&place.key("joint"), scene, &entry.joint)?;
+    let turns = joint.motion == JointMotion::Turns;
+    let (key, most, units) = match turns {
+        true => ("position_deg", joint.travel.to_degrees(), ["N·m", "N·m·s"]),
+        false => ("position", joint.travel, ["N", "N·s/m"]),
+    };
+    let (given, other) = match turns {
+        true => (entry.position_deg, ("position", entry.position)),
+        false => (entry.position, ("position_deg", entry.position_deg)),
+    };
+    if let (other, Some(value)) = other {
+        return Err(place.key(other).wrong(
+            format!("{value:?}"),
+            format!(
+                "{key}, for {} {}",
+                entry.joint,
+                if turns { "turns" } else { "slides" }
+            ),
+            format!("write {key} instead"),
+        ));
+    }
+    let unit = if turns { "degrees" } else { "m" };
+    let position = range(&place.key(key), given.unwrap_or_default(), 0.0, most, unit)?;
+    let scaled = |value: f64| if turns { value.to_radians() } else { value };
     Ok(SlideSpec {
         joint: entry.joint.clone(),
-        friction: range(&friction, entry.friction, 0.0, 1000.0, "N")?,
-        damping: range(&damping, entry.damping, 0.0, 10_000.0, "N·s/m")?,
-        position: range(&position, entry.position, 0.0, joint.travel, "m")?,
+        friction: range(
+            &place.key("friction"),
+            entry.friction,
+            0.0,
+            1000.0,
+            units[0],
+        )?,
+        damping: range(
+            &place.key("damping"),
+            entry.damping,
+            0.0,
+            10_000.0,
+            units[1],
+        )?,
+        position: Range {
+            min: scaled(position.min),
+            max: scaled(position.max),
+        },
     })
 }
 

@@ -9,15 +9,12 @@ use super::area_load::scene_of;
 use super::condition::{Name, Threshold};
 use super::context::TARGET;
 use super::file::TaskFile;
-use super::goal::Goal;
+use super::goal::{Goal, JointBounds};
 use super::name_check::check_name;
 use super::spec::{FailureSpec, TaskSpec, WaitSpec};
 use super::template::{FailureEntry, PersonEntry, Template, Verb};
 use crate::robot::CorridorSettings;
 use crate::scene::{Place, Scene, SceneError, names, parse, provenance};
-
-/// Key of a joint position in a template's goal.
-const JOINT_POSITION: [&str; 2] = ["travel", "position"];
 
 /// Every task below `assets/tasks`, by name, for a robot with this hand.
 ///
@@ -154,12 +151,8 @@ impl TaskSpec {
             (Verb::Put, region) => Goal::Put {
                 on: region.unwrap_or_default(),
             },
-            (Verb::Open, _) => Goal::Open {
-                travel: spec.joint_position(),
-            },
-            (Verb::Close, _) => Goal::Close {
-                position: spec.joint_position(),
-            },
+            (Verb::Open, _) => Goal::Open(spec.joint_bounds()),
+            (Verb::Close, _) => Goal::Close(spec.joint_bounds()),
         };
         spec.check_goal(&place)?;
         spec.check_tips(&object_key, scene)?;
@@ -178,12 +171,11 @@ impl TaskSpec {
         Ok(spec)
     }
 
-    /// The joint position required for success, metres.
-    fn joint_position(&self) -> f64 {
-        let required = self.conditions.iter().filter(|c| c.required);
-        let mut thresholds = required.flat_map(|c| c.predicate.as_dyn().thresholds());
-        let found = thresholds.find(|t| JOINT_POSITION.contains(&t.key));
-        found.map_or(0.0, |threshold| threshold.value)
+    /// The joint position required for success.
+    fn joint_bounds(&self) -> JointBounds {
+        let mut required = self.conditions.iter().filter(|c| c.required);
+        let found = required.find_map(|c| c.predicate.joint_bounds());
+        found.unwrap_or_default()
     }
 
     fn check_conditions(&self, place: &Place, scene: &Scene) -> Result<(), SceneError> {
@@ -223,7 +215,7 @@ impl TaskSpec {
             .any(|name| match (name, &self.goal) {
                 (Name::Object(object), Goal::Lift | Goal::Give | Goal::Bring) => is_target(object),
                 (Name::Surface(surface), Goal::Put { on }) => surface == on,
-                (Name::Joint(_), Goal::Open { .. } | Goal::Close { .. }) => true,
+                (Name::Joint(_), Goal::Open(_) | Goal::Close(_)) => true,
                 _ => false,
             });
         if judged {

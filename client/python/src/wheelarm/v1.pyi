@@ -2212,15 +2212,15 @@ class ObjectPlacement(_Message):
     ) -> None: ...
 
 class SlideResistance(_Message):
-    """Sampled friction of furniture that slides."""
+    """Sampled friction of furniture on a joint."""
     joint: str
     """Joint, for example `drawer_1_joint` (no unit)."""
     friction: float
-    """Dry friction, N; absent uses the sampled one. Optional."""
+    """Dry friction, N or N·m; absent uses the sampled one. Optional."""
     damping: float
-    """Viscous friction, N·s/m; absent uses the sampled one. Optional."""
+    """Viscous friction, N·s/m or N·m·s; absent uses the sampled one. Optional."""
     position: float
-    """Joint position at the start, metres; absent is 0, closed. Optional."""
+    """Joint position at the start, metres or radians; absent is 0, closed. Optional."""
     def __init__(
         self,
         *,
@@ -2293,11 +2293,11 @@ class Scenario(_Message):
     Optional.
     """
     target: str
-    """Target of the task: an object, or furniture that slides; when the server samples, the task's
+    """Target of the task: an object, or furniture on a joint; when the server samples, the task's
     only target, or one of several by seed (no unit). Optional.
     """
     slides: _Messages[SlideResistance]
-    """Resistance of furniture that slides. When the server samples, it fills in the missing ones.
+    """Resistance of furniture on joints. When the server samples, it fills in the missing ones.
     """
     deformable_rate_hz: float
     """Rate of the shapes of soft objects, Hz; must divide 60; 0 is off. At start-up 10. Optional.
@@ -2554,7 +2554,7 @@ class SceneBody(_Message):
     ) -> None: ...
 
 class FurnitureJoint(_Message):
-    """Furniture that slides along an axis, for example a drawer."""
+    """Furniture on a joint: a drawer slides along an axis, a door turns about one."""
     name: str
     """Name, for example `drawer_1_joint` (no unit)."""
     body: str
@@ -2562,7 +2562,9 @@ class FurnitureJoint(_Message):
     rest: Pose
     """Pose of the body in `house` at joint position 0, metres."""
     axis: Vector3
-    """Unit vector of growing positions in `house` (no unit)."""
+    """Unit vector of growing positions in `house`, or of the axis through the origin of `rest`
+    about which they grow (no unit).
+    """
     travel: float
     """Greatest position, metres or radians; the least is 0."""
     type: JointType
@@ -2867,6 +2869,10 @@ class EpisodeStarted(_Message):
     """
     practice: bool
     """Recorders leave this episode out (no unit)."""
+    joint_types: _Scalars[JointType]
+    """Kind of motion of each of `joints`: positions of what slides are metres, of what turns
+    radians (no unit).
+    """
     def __init__(
         self,
         *,
@@ -2888,6 +2894,7 @@ class EpisodeStarted(_Message):
         sensors: _Iterable[str] | None = ...,
         compressed_cameras: bool | None = ...,
         practice: bool | None = ...,
+        joint_types: _Iterable[JointType | str | int] | None = ...,
     ) -> None: ...
 
 class SnapshotRequest(_Message):
@@ -3583,7 +3590,7 @@ class PlaybackRequest(_Message):
     objects: ObjectPoses
     """Objects, as recorded."""
     furniture: FurnitureJoints
-    """Furniture that slides, as recorded."""
+    """Furniture on joints, as recorded."""
     deformable: Deformable
     """Shape of the soft object; absent where it is as it was."""
     applied_samples: _Messages[Applied]
