@@ -87,6 +87,8 @@ fn decode_query_messages(query: Query, bytes: &[u8]) {
         Query::Episode => decode_query::<v1::EpisodeRequest>(query, bytes),
         Query::Snapshot => decode_query::<v1::SnapshotRequest>(query, bytes),
         Query::Sensors => decode_query::<v1::SensorsRequest>(query, bytes),
+        Query::Packs => decode_query::<v1::PacksRequest>(query, bytes),
+        Query::PackPut => decode_query::<v1::PackPutRequest>(query, bytes),
         Query::Shutdown => decode_query::<v1::ShutdownRequest>(query, bytes),
     }
 }

@@ -7,10 +7,10 @@ use std::path::Path;
 
 use nalgebra::{Matrix4, Point3, Vector3};
 
-use super::{PackedFile, TriMesh};
 use super::detail::drop_slivers;
 use super::load_normals::{box_uvs, crease_normals};
 use super::mesh::{MAX_TRIANGLES, MeshError};
+use super::{PackedFile, TriMesh};
 
 /// Reads an OBJ, glTF or GLB file: all its objects merged, metres, z up.
 ///

@@ -20,7 +20,8 @@ pub(super) fn prism(outline: &[[f64; 2]], height: f64) -> TriMesh {
         }
         for [a, b, c] in &faces {
             let [b, c] = if up > 0.0 { [b, c] } else { [c, b] };
-            mesh.indices.extend([a, b, c].map(|corner| first + *corner as u32));
+            mesh.indices
+                .extend([a, b, c].map(|corner| first + *corner as u32));
         }
     }
     let mut along = 0.0;
@@ -56,7 +57,11 @@ fn triangles(corners: &[[f64; 2]]) -> Vec<[usize; 3]> {
     while left.len() > 3 {
         let count = left.len();
         let ear = (0..count).find(|i| {
-            let [a, b, c] = [left[(i + count - 1) % count], left[*i], left[(i + 1) % count]];
+            let [a, b, c] = [
+                left[(i + count - 1) % count],
+                left[*i],
+                left[(i + 1) % count],
+            ];
             let inside = |p: &usize| {
                 ![a, b, c].contains(p)
                     && cross(a, b, *p) >= 0.0

@@ -101,9 +101,9 @@ fn of_part(pose: &Isometry3<f64>, part: &Part) -> Option<Bounds> {
             .map(|&[r, z]| ring(r, z))
             .reduce(|a, b| a.union(&b))?,
         Shape::Prism { outline, height } => {
-            let corners = outline.iter().flat_map(|[x, y]| {
-                [0.0, *height].map(|z| at * Point3::new(*x, *y, z))
-            });
+            let corners = outline
+                .iter()
+                .flat_map(|[x, y]| [0.0, *height].map(|z| at * Point3::new(*x, *y, z)));
             Bounds::of_points(corners)?
         }
         Shape::Mesh { .. } | Shape::PackedMesh { .. } => return None,

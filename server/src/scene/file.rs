@@ -2,6 +2,6 @@
 //! (`wheelarm_pack`). Only the keys are checked.
 
 pub(super) use wheelarm_pack::{
-    FurnitureEntry, GraspEntry, HingeEntry, LightEntry, LobeEntry, MaterialEntry, MaterialFile, ObjectEntry,
-    ObjectFile, PartEntry, RoomCameraEntry, SceneFile, SlideEntry,
+    FurnitureEntry, GraspEntry, HingeEntry, LightEntry, LobeEntry, MaterialEntry, MaterialFile,
+    ObjectEntry, ObjectFile, PartEntry, RoomCameraEntry, SceneFile, SlideEntry,
 };

@@ -18,7 +18,7 @@ pub use bounds::Bounds;
 pub(crate) use error::Place;
 pub use error::SceneError;
 pub use folder::{AssetText, texts};
-pub(crate) use folder::{names, parse, provenance, text};
+pub(crate) use folder::{Files, names, parse, parse_packed, provenance, text};
 pub use object::object;
 pub use soft::Soft;
 
