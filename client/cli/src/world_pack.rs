@@ -8,7 +8,7 @@ use clap::{Args, Subcommand};
 use wheelarm_options::packs::PackArgs;
 use wheelarm_pack::{Pack, PackStore, UNKNOWN, to_hex};
 use wheelarm_proto::{digest, installed, v1};
-use wheelarm_sdk::Client;
+use wheelarm_sdk::{Client, ClientError};
 
 /// Size of the pieces in which a pack is sent, bytes.
 const PIECE: usize = 256 << 10;
@@ -73,7 +73,7 @@ impl PackCommand {
 /// When a pack is not valid, a file cannot be written, or the server rejects the pack.
 pub fn run(
     command: &PackCommand,
-    open: impl FnOnce() -> anyhow::Result<Client>,
+    open: impl FnOnce() -> Result<Client, ClientError>,
 ) -> anyhow::Result<String> {
     match command {
         PackCommand::Check { path, zip } => check(path, zip.as_deref()),

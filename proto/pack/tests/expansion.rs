@@ -27,18 +27,28 @@ fn floor_comes_first_and_carries_every_room_and_wall() {
     assert_eq!(
         names,
         [
-            "floor", "ceiling", "wall_0", "wall_1", "wall_2", "table_1", "drawer_1", "door_1"
+            "floor",
+            "ceiling",
+            "wall_0",
+            "wall_1",
+            "wall_2",
+            "wall_3",
+            "wall_4",
+            "table_1",
+            "drawer_1",
+            "cabinet_1",
+            "door_1"
         ]
     );
     let floor = &furniture[0];
     let collision = floor.collision.as_ref().unwrap();
     let [x, y, z] = extents(&collision[0]);
-    assert!(x[0] < -0.05 && x[1] > 6.05 && y[0] < -0.05 && y[1] > 3.05);
+    assert!(x[0] < -0.05 && x[1] > 7.05 && y[0] < -0.05 && y[1] > 4.05);
     assert!(near(z[1], 0.0), "{z:?}");
     // A plate, two rooms, and the sill of the door.
     assert_eq!(floor.parts.len(), 4);
     let materials: Vec<_> = floor.parts.iter().map(|p| p.material.as_deref()).collect();
-    assert_eq!(materials[1..3], [Some("parquet"), Some("tiles")]);
+    assert_eq!(materials[1..3], [Some("parquet"), Some("flat_tiles")]);
     // Only the kitchen has a ceiling; it does not collide.
     assert_eq!(furniture[1].parts.len(), 1);
     assert_eq!(furniture[1].collision, Some(Vec::new()));
@@ -76,7 +86,7 @@ fn corners_are_closed_by_one_of_two_walls() {
         .map(|part| extents(part)[0][1])
         .fold(0.0, f64::max);
     // The corner with wall 2: lengthened by half of its thickness.
-    assert!(near(end, 6.1 + 0.05), "{end}");
+    assert!(near(end, 7.1 + 0.05), "{end}");
     // The other one begins behind it.
     let east = named(&furniture, "wall_2");
     let hull = east.collision.as_ref().unwrap()[0].hull.as_ref().unwrap();
@@ -98,7 +108,7 @@ fn joints_of_kinds_become_slides_and_hinges_of_pieces() {
     let door = named(&furniture, "door_1");
     assert!(door.slide.is_none());
     let hinge = door.hinge.as_ref().unwrap();
-    assert_eq!((hinge.on.as_str(), hinge.travel_deg), ("table_1", 90.0));
+    assert_eq!((hinge.on.as_str(), hinge.travel_deg), ("cabinet_1", 90.0));
     // Mirrored: the leaf is on the other side and opens the other way round.
     assert_eq!(hinge.axis.map(|c| c + 0.0), [0.0, 0.0, -1.0]);
     assert_eq!(hinge.com.map(|c| c + 0.0), [0.0, -0.4, 0.3]);
@@ -143,7 +153,7 @@ fn invalid_homes_are_rejected_with_place_and_fix() {
         (
             "kind = \"table\"",
             "kind = \"tabel\"",
-            "one of door_leaf, drawer, table",
+            "one of cabinet, door_leaf, drawer, table",
         ),
         ("name = \"table_1\"", "name = \"wall_1\"", "used twice"),
         ("name = \"hall\"", "name = \"kitchen\"", "used twice"),
@@ -153,7 +163,7 @@ fn invalid_homes_are_rejected_with_place_and_fix() {
             "the name of a room",
         ),
         ("on = \"table_1\"", "", "on is absent"),
-        ("[4, 3], [0, 3]]", "[0, 3], [4, 3]]", "crossed or touched"),
+        ("[5, 4], [0, 4]]", "[0, 4], [5, 4]]", "crossed or touched"),
         (
             "thickness = 0.1",
             "thickness = 0.0",
@@ -165,7 +175,7 @@ fn invalid_homes_are_rejected_with_place_and_fix() {
             "wall[2].end_height is -1 m",
         ),
         (
-            "to = [6.05, -0.05]",
+            "to = [7.05, -0.05]",
             "to = [-0.05, -0.05]",
             "leave out walls without length",
         ),

@@ -84,7 +84,16 @@ fn digests_follow_values_and_not_their_spelling() {
             false,
         ),
         ("meshes/leg.obj", "v 0.1 0 0", "v 0.2 0 0", false, true),
-        ("pack.toml", "Anna", "Berta", false, false),
+        ("materials/flat.toml", "0.6", "0.7", false, true),
+        ("objects/jar.toml", "0.35", "0.36", true, false),
+        ("tasks/pick_jar.toml", "the jar", "a jar", true, false),
+        (
+            "pack.toml",
+            "author = \"WheelArm\"",
+            "author = \"Anna\"",
+            false,
+            false,
+        ),
         (
             "pack.toml",
             "version = \"1\"",
@@ -123,8 +132,9 @@ const PHYSICS: &str = "????????????????";
 fn tables_written_by_a_program_are_read_again() {
     let pack = flat();
     let manifest: Manifest = pack.manifest().clone();
-    let meshes = [("meshes/leg.obj".to_owned(), common::LEG.as_bytes().to_vec())];
-    let again = Pack::from_tables(&manifest, pack.home(), pack.kinds(), meshes.into()).unwrap();
+    let mut others = files();
+    others.retain(|path, _| path.contains('/') && !path.starts_with("kinds/"));
+    let again = Pack::from_tables(&manifest, pack.home(), pack.kinds(), others).unwrap();
     assert_eq!(again.home(), pack.home());
     assert_eq!(again.kinds(), pack.kinds());
     assert_eq!(again.furniture().unwrap(), pack.furniture().unwrap());
@@ -155,14 +165,14 @@ fn incomplete_and_foreign_packs_are_rejected_with_the_fix() {
         assert!(error.contains(words), "{error}");
     }
     let mut twice = files();
-    twice.insert("kinds/Table.toml".into(), common::TABLE.into());
+    twice.insert("kinds/Table.toml".into(), b"category = \"table\"".to_vec());
     let error = Pack::from_files(twice).unwrap_err().to_string();
     assert!(error.contains("other letters"), "{error}");
     let mut binary = files();
     binary.insert("home.toml".into(), vec![0xff, 0xfe, 0x00]);
     let error = Pack::from_files(binary).unwrap_err().to_string();
     assert!(error.contains("UTF-8"), "{error}");
-    let nothing = BTreeMap::from([("pack.toml".to_owned(), common::MANIFEST.into())]);
+    let nothing = BTreeMap::from([("pack.toml".to_owned(), files()["pack.toml"].clone())]);
     assert!(Pack::from_files(nothing).is_err());
     assert!(matches!(
         Pack::open(std::path::Path::new("/nonexistent/pack")),

@@ -25,6 +25,7 @@ mod multiply;
 mod mutation;
 mod over_ticks;
 mod own_client;
+mod packs;
 mod person;
 mod policies;
 mod queries;
