@@ -20,6 +20,7 @@ mod faults_server;
 mod forgery;
 mod gate;
 mod hashes;
+mod hinges;
 mod installed;
 mod multiply;
 mod mutation;

@@ -1,6 +1,7 @@
 //! Pull: pulls furniture on a joint open by its handle, or pushes it shut: with the arm as
 //! far as it reaches, then with the chair. What turns takes the hand along its arc.
 
+use nalgebra::Point3;
 use wheelarm_proto::furniture::JointMotion;
 use wheelarm_proto::v1::Phase;
 
@@ -67,8 +68,10 @@ impl Skill for Pull {
             JointMotion::Turns => (SHORT_TURN, format!("{:.0}°", open.to_degrees())),
         };
         let act = Act::named(Phase::Retracting, if opens { "pulling" } else { "pushing" });
+        // At the handle: the hand may turn about a bar.
+        let grip = Point3::new(0.0, 0.0, now.scene.tool_length);
         let slipped = now.memory.held.is_some_and(|held| {
-            let moved = held.translation.vector - now.object_in_hand().translation.vector;
+            let moved = now.object_in_hand() * held.inverse_transform_point(&grip) - grip;
             moved.norm() > SLIP
         });
         if slipped && left > short {
