@@ -9,7 +9,7 @@ use anyhow::{Context, bail};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{CommandFactory, Parser};
 use wheelarm_access::Folder;
-use wheelarm_pack::PackStore;
+use wheelarm_pack::Store as PackStore;
 use wheelarm_proto::appearance::AppearanceText;
 use wheelarm_proto::cache::Store;
 use wheelarm_proto::endpoint::check_endpoint;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use clap::{Args, Subcommand};
 use wheelarm_options::packs::PackArgs;
-use wheelarm_pack::{Pack, PackStore, UNKNOWN, to_hex};
+use wheelarm_pack::{Pack, Store, UNKNOWN, to_hex};
 use wheelarm_proto::{digest, installed, v1};
 use wheelarm_sdk::{Client, ClientError};
 
@@ -164,7 +164,7 @@ fn or_unknown(text: &str) -> &str {
 
 fn list(packs: &[PathBuf]) -> anyhow::Result<String> {
     let assets = installed::assets().unwrap_or_default();
-    let store = PackStore::search(packs, &assets);
+    let store = Store::search(packs, &assets);
     let mut text = String::new();
     for (name, path) in store.candidates() {
         match Pack::open(&path) {

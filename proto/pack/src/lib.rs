@@ -11,7 +11,7 @@
 //! textures/*.png               512 x 512, 8 bits, grey or RGB
 //! report.json, plan.png        readiness report of the home (optional)
 //! ```
-//! [`Pack`] is a checked pack in memory, [`PackStore`] finds packs in folders, [`expand()`]
+//! [`Pack`] is a checked pack in memory, [`Store`] finds packs in folders, [`expand()`]
 //! converts a home to the furniture of a scene file.
 //!
 //! Everything that reaches a state or a command is decimal text in `home.toml`, `kinds` and
@@ -39,7 +39,7 @@ pub use expand::{MOST_HULL_VERTICES, expand};
 pub use pack::{Pack, PackName};
 pub use path::ASSET_PREFIX;
 pub use polygon::{area, check_outline, contains};
-pub use store::{PackStore, user_folder};
+pub use store::{Store, user_folder};
 pub use tables::home::{HomeFile, OpeningEntry, OpeningKind, PieceEntry, RoomEntry, WallEntry};
 pub use tables::kind::{JointEntry, KindFile};
 pub use tables::manifest::{FORMAT, Manifest, SourceEntry, UNKNOWN};
@@ -53,3 +53,4 @@ pub use tables::scene::{
     FurnitureEntry, HingeEntry, LightEntry, ObjectEntry, RoomCameraEntry, SceneFile, SlideEntry,
     StartEntry, SurfaceEntry,
 };
+pub use wheelarm_proto::installed::PACKS_VARIABLE;

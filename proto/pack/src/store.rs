@@ -14,11 +14,11 @@ const AT: char = '@';
 /// Folders in which packs are searched, in this order. A folder contains packs as folders
 /// `NAME` and zip files `NAME.zip` or `NAME@DIGEST.zip`; it may also be a pack itself.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct PackStore {
+pub struct Store {
     folders: Vec<PathBuf>,
 }
 
-impl PackStore {
+impl Store {
     /// A store of these folders; folders that do not exist are empty.
     #[must_use]
     pub fn new(folders: Vec<PathBuf>) -> Self {

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::io::{Cursor, Write};
 
 use common::{changed, files, flat};
-use wheelarm_pack::{Manifest, Pack, PackError, PackStore, archive, from_hex, to_hex};
+use wheelarm_pack::{Manifest, Pack, PackError, Store, archive, from_hex, to_hex};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
@@ -273,14 +273,14 @@ fn a_store_finds_packs_by_name_and_by_digest() {
     let one = flat();
     let other = changed("home.toml", "yaw_deg = 90", "yaw_deg = 45").unwrap();
     one.write_folder(&first.join("flat")).unwrap();
-    let stored = PackStore::put(&second, &other).unwrap();
-    assert_eq!(PackStore::put(&second, &other).unwrap(), stored);
+    let stored = Store::put(&second, &other).unwrap();
+    assert_eq!(Store::put(&second, &other).unwrap(), stored);
     let name = stored.file_name().unwrap().to_string_lossy().into_owned();
     assert!(
         name.starts_with("flat@") && name.ends_with(".zip"),
         "{name}"
     );
-    let store = PackStore::new(vec![place.path().join("none"), first.clone(), second]);
+    let store = Store::new(vec![place.path().join("none"), first.clone(), second]);
     assert_eq!(store.names().into_iter().collect::<Vec<_>>(), ["flat"]);
     assert_eq!(store.open("flat").unwrap().unwrap().id(), one.id());
     assert!(store.open("flats").unwrap().is_none());

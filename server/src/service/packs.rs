@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 use wheelarm_pack::archive::MOST_ZIP_BYTES;
-use wheelarm_pack::{Pack, PackName, PackStore, from_hex, to_hex};
+use wheelarm_pack::{Pack, PackName, Store as PackStore, from_hex, to_hex};
 use wheelarm_proto::v1::FailureCode;
 use wheelarm_proto::{Message, v1};
 

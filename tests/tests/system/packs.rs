@@ -8,7 +8,7 @@ use std::process::{Command, Output};
 use std::sync::Arc;
 
 use wheelarm_dataset::read::Episode;
-use wheelarm_pack::{Pack, PackStore, to_hex};
+use wheelarm_pack::{Pack, Store, to_hex};
 use wheelarm_proto::v1;
 use wheelarm_server::scene::Scene;
 use wheelarm_tests::{Server, printed, program, root};
@@ -63,9 +63,22 @@ fn recording_in_a_pack_replays_without_its_folder_with_equal_hashes_and_images()
     pack.write_folder(&packs.join("flat")).expect("a pack");
 
     let text = |path: &Path| path.to_string_lossy().into_owned();
-    let small = ["--width", "96", "--height", "64", "--rate", "2", "--no-sheet"];
+    let small = [
+        "--width",
+        "96",
+        "--height",
+        "64",
+        "--rate",
+        "2",
+        "--no-sheet",
+    ];
     let (out_first, scene) = (text(&first), ["--scene", "flat", "--task", "pick_jar"]);
-    let demo = [&["demo", "--seed", "1", "--out", &out_first][..], &small, &scene].concat();
+    let demo = [
+        &["demo", "--seed", "1", "--out", &out_first][..],
+        &small,
+        &scene,
+    ]
+    .concat();
     let done = succeeds(&packs, &demo);
     assert!(done.contains("missed      0 (complete)"), "{done}");
     let file = recording(&first);
@@ -118,7 +131,9 @@ fn recording_in_a_pack_replays_without_its_folder_with_equal_hashes_and_images()
 #[test]
 fn scenario_that_names_another_pack_is_refused_with_both_digests() {
     let packs = tempfile::tempdir().expect("a folder");
-    flat().write_folder(&packs.path().join("flat")).expect("a pack");
+    flat()
+        .write_folder(&packs.path().join("flat"))
+        .expect("a pack");
     let folder = packs.path().to_string_lossy().into_owned();
     let args = ["--no-cameras", "--packs", &folder];
     let server = Server::start("packed", &args).expect("a server");
@@ -156,7 +171,10 @@ fn scenario_that_names_another_pack_is_refused_with_both_digests() {
         seed: Some(3),
         ..v1::Scenario::default()
     });
-    assert_eq!(again.expect("a reset").scenario.expect("one").packs.len(), 1);
+    assert_eq!(
+        again.expect("a reset").scenario.expect("one").packs.len(),
+        1
+    );
     let home = reset(v1::Scenario {
         scene: "home".into(),
         task: Some("pick_mustard".into()),
@@ -189,7 +207,7 @@ fn sent_pack_is_stored_by_digest_and_serves_as_a_scene() {
     assert!(printed(&listed).contains("flat 1"), "{}", printed(&listed));
     let reset = run(&["reset", "--scene", "flat"]);
     assert!(reset.status.success(), "{}", printed(&reset));
-    let stored = PackStore::new(vec![store.clone()]).open("flat");
+    let stored = Store::new(vec![store.clone()]).open("flat");
     assert_eq!(stored.expect("a pack").expect("one").id(), flat().id());
 
     // Files that are no packs, or have other names, are not stored.
@@ -212,7 +230,10 @@ fn sent_pack_is_stored_by_digest_and_serves_as_a_scene() {
     let mut renamed = files();
     let manifest = String::from_utf8_lossy(&renamed["pack.toml"]).replace("\"flat\"", "\"home\"");
     renamed.insert("pack.toml".into(), manifest.into_bytes());
-    let home = Pack::from_files(renamed).expect("a pack").to_zip().expect("a zip file");
+    let home = Pack::from_files(renamed)
+        .expect("a pack")
+        .to_zip()
+        .expect("a zip file");
     let error = put(&home, &digest(&home)).expect_err("a refusal");
     assert!(error.to_string().contains("scene of the assets"), "{error}");
     let kept = fs::read_dir(&store).expect("the store").count();
@@ -223,7 +244,9 @@ fn sent_pack_is_stored_by_digest_and_serves_as_a_scene() {
 #[test]
 fn invalid_pack_is_skipped_and_others_are_served() {
     let place = tempfile::tempdir().expect("a folder");
-    flat().write_folder(&place.path().join("flat")).expect("a pack");
+    flat()
+        .write_folder(&place.path().join("flat"))
+        .expect("a pack");
     let broken = place.path().join("broken");
     flat().write_folder(&broken).expect("a pack");
     fs::write(broken.join("home.toml"), "origin = 3").expect("a file");
@@ -231,19 +254,31 @@ fn invalid_pack_is_skipped_and_others_are_served() {
     let folder = place.path().to_string_lossy().into_owned();
     let args = ["--no-cameras", "--packs", &folder, "--scene", "flat"];
     let server = Server::start("skipping", &args).expect("a server");
-    let reply = server.client().request(&v1::PacksRequest {}).expect("packs");
+    let reply = server
+        .client()
+        .request(&v1::PacksRequest {})
+        .expect("packs");
     let names: Vec<&str> = reply.packs.iter().map(|pack| pack.name.as_str()).collect();
     assert_eq!(names, ["flat"]);
     assert_eq!(reply.rejected.len(), 2, "{:?}", reply.rejected);
     // Its task is offered beside those of the assets.
-    let tasks = server.client().request(&v1::TasksRequest {}).expect("tasks");
+    let tasks = server
+        .client()
+        .request(&v1::TasksRequest {})
+        .expect("tasks");
     let names: Vec<&str> = tasks.tasks.iter().map(|task| task.name.as_str()).collect();
     assert!(names.contains(&"pick_jar") && names.contains(&"pick_mustard"));
     let checked = wheelarm(place.path(), &["pack", "check", &broken.to_string_lossy()]);
     let text = printed(&checked);
-    assert!(!checked.status.success() && text.contains("home.toml"), "{text}");
+    assert!(
+        !checked.status.success() && text.contains("home.toml"),
+        "{text}"
+    );
     let list = succeeds(place.path(), &["pack", "list"]);
-    assert!(list.contains("broken: not usable") && list.contains("flat 1"), "{list}");
+    assert!(
+        list.contains("broken: not usable") && list.contains("flat 1"),
+        "{list}"
+    );
 }
 
 #[test]

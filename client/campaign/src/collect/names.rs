@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use wheelarm_pack::PackStore;
+use wheelarm_pack::Store as PackStore;
 use wheelarm_proto::person::NO_PERSON;
 
 use super::plan::Plan;

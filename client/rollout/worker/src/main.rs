@@ -20,7 +20,7 @@ use std::sync::Arc;
 use anyhow::{Context, bail};
 use clap::{CommandFactory, Parser};
 use parking_lot::Mutex;
-use wheelarm_pack::PackStore;
+use wheelarm_pack::Store as PackStore;
 use wheelarm_proto::cache::Store;
 use wheelarm_proto::installed;
 use wheelarm_proto::program::{error_chain, version};

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use tokio::sync::Notify;
-use wheelarm_pack::PackStore;
+use wheelarm_pack::Store as PackStore;
 use wheelarm_server::sensors::camera::Graphics;
 use zenoh::Session;
 

@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 use nalgebra::Isometry3;
-use wheelarm_pack::PackStore;
+use wheelarm_pack::Store as PackStore;
 use wheelarm_proto::keys::Keys;
 use wheelarm_proto::settings::Depth;
 use wheelarm_proto::v1;
