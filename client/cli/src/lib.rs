@@ -14,3 +14,4 @@ pub mod operate;
 #[cfg(feature = "hdf5")]
 pub mod record;
 pub mod watch;
+pub mod world_pack;

@@ -6,14 +6,19 @@ mod load;
 mod load_normals;
 pub mod mesh;
 mod mesh_revolve;
+mod packed_file;
 pub mod plush;
+mod prism;
 pub mod tetrahedra;
 pub mod texture;
 
 pub(crate) use load::check_glb_length;
 pub(crate) use load_normals::box_uvs;
+pub use packed_file::PackedFile;
 
 use nalgebra::{Isometry3, Vector3};
+
+pub use wheelarm_pack::Family;
 
 /// A solid or a surface in its own frame, metres. Axes of symmetry are z.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,6 +79,20 @@ pub enum Shape {
         /// Points `[radius, z]`.
         profile: Vec<[f64; 2]>,
     },
+    /// Polygon with a thickness, from z = 0 upwards; for visuals only.
+    Prism {
+        /// Corners `[x, y]` of a polygon that does not cross itself.
+        outline: Vec<[f64; 2]>,
+        /// Along z.
+        height: f64,
+    },
+    /// Mesh file (OBJ or GLB) of a world pack; for visuals only.
+    PackedMesh {
+        /// The file.
+        file: PackedFile,
+        /// Metres per unit of the file along x, y, z with z up; a negative one mirrors.
+        scale: [f64; 3],
+    },
     /// Mesh file (OBJ or glTF) below the assets folder; collides as its convex hull.
     Mesh {
         /// Below the assets folder.
@@ -126,56 +145,6 @@ pub struct Material {
     pub transmission: f32,
 }
 
-/// Families of materials.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-#[expect(missing_docs, reason = "the names are self-explanatory")]
-pub enum Family {
-    Wall,
-    Ceiling,
-    Floor,
-    Wood,
-    Cabinet,
-    Stone,
-    Fabric,
-    Metal,
-    Plastic,
-    Ceramic,
-    Art,
-    Fruit,
-    Flower,
-    Plant,
-    /// Shades of lamps.
-    Lamp,
-    /// The view through the windows.
-    Outdoors,
-}
-
-impl Family {
-    /// Its name in files.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Wall => "wall",
-            Self::Ceiling => "ceiling",
-            Self::Floor => "floor",
-            Self::Wood => "wood",
-            Self::Cabinet => "cabinet",
-            Self::Stone => "stone",
-            Self::Fabric => "fabric",
-            Self::Metal => "metal",
-            Self::Plastic => "plastic",
-            Self::Ceramic => "ceramic",
-            Self::Art => "art",
-            Self::Fruit => "fruit",
-            Self::Flower => "flower",
-            Self::Plant => "plant",
-            Self::Lamp => "lamp",
-            Self::Outdoors => "outdoors",
-        }
-    }
-}
-
 /// A procedural texture, 512 x 512.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
@@ -183,6 +152,8 @@ pub struct Texture {
     pub pattern: String,
     /// Metres of surface per repetition.
     pub metres: f32,
+    /// The image of a world pack; `None` for one of the assets.
+    pub file: Option<PackedFile>,
 }
 
 /// A rendered part.
@@ -242,6 +213,18 @@ pub fn bounds(shape: &Shape) -> Option<(Vector3<f64>, Vector3<f64>)> {
                 standing(fold(f64::max, 0, 0.0), low, high)
             }
         }
-        Shape::Mesh { .. } => None,
+        Shape::Prism { outline, height } => {
+            let fold = |f: fn(f64, f64) -> f64, i: usize, from: f64| {
+                outline.iter().map(|p| p[i]).fold(from, f)
+            };
+            let low = [0, 1].map(|i| fold(f64::min, i, f64::INFINITY));
+            let high = [0, 1].map(|i| fold(f64::max, i, f64::NEG_INFINITY));
+            let half = |i: usize| (high[i] - low[i]) / 2.0;
+            (low[0] <= high[0]).then(|| {
+                let centre = Vector3::new(low[0] + half(0), low[1] + half(1), height / 2.0);
+                (centre, Vector3::new(half(0), half(1), height / 2.0))
+            })
+        }
+        Shape::Mesh { .. } | Shape::PackedMesh { .. } => None,
     }
 }

@@ -2,8 +2,10 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Unit, UnitQuaternion, Vector3};
+use wheelarm_pack::Pack;
 use wheelarm_proto::furniture::JointMotion;
 
 use super::error::{Place, SceneError};
@@ -25,11 +27,49 @@ impl Scene {
     pub fn load(assets: &Path, name: &str) -> Result<Self, SceneError> {
         let path = format!("scenes/{name}.toml");
         let file: SceneFile = parse(assets, &path)?;
-        let place = Place::file(&path);
+        Self::from_file(assets, None, name, &path, &file)
+    }
+
+    /// The home of a world pack. Materials and objects that the pack lacks are those of the
+    /// assets.
+    ///
+    /// # Errors
+    /// When the pack has no home, or a value is invalid.
+    pub fn from_pack(assets: &Path, pack: &Arc<Pack>) -> Result<Self, SceneError> {
+        let name = &pack.id().name;
+        let path = pack.asset_path("home.toml");
+        let Some(home) = pack.home() else {
+            return Err(Place::file(&path).key("home.toml").wrong(
+                "absent",
+                "a pack with a home",
+                "name another scene: this pack has furniture or objects only",
+            ));
+        };
+        let file = SceneFile {
+            origin: home.origin.clone(),
+            license: home.license.clone(),
+            light: home.light.clone(),
+            room_camera: home.room_camera.clone(),
+            start: home.start.clone(),
+            furniture: pack.furniture().map_err(Box::new)?,
+            object: home.object.clone(),
+        };
+        Self::from_file(assets, Some(pack), name, &path, &file)
+    }
+
+    fn from_file(
+        assets: &Path,
+        pack: Option<&Arc<Pack>>,
+        name: &str,
+        path: &str,
+        file: &SceneFile,
+    ) -> Result<Self, SceneError> {
+        let place = Place::file(path);
         provenance(&place, &file.origin, &file.license)?;
-        let materials = material::library(assets)?;
+        let materials = material::library(assets, pack)?;
         let reader = Reader {
             assets,
+            pack,
             materials: &materials,
         };
         let mut scene = Self {
@@ -47,6 +87,7 @@ impl Scene {
             },
             room_camera: room_camera(&place.key("room_camera"), &file.room_camera)?,
             files: Vec::new(),
+            pack: pack.cloned(),
         };
         let mut entries: BTreeMap<&str, &FurnitureEntry> = BTreeMap::new();
         for entry in &file.furniture {
@@ -72,13 +113,13 @@ impl Scene {
             unused_name(&place, &scene, &entry.name)?;
             scene.add_object(&reader, &place, entry)?;
         }
-        scene.files = scene.texts_behind(&file, path, names(assets, "materials")?);
+        scene.files = scene.texts_behind(file, path, names(assets, "materials")?);
         Ok(scene)
     }
 
     /// The text files of this scene, sorted: itself, every material file, every kind of
-    /// object, every mesh in text form.
-    fn texts_behind(&self, file: &SceneFile, own: String, materials: Vec<String>) -> Vec<String> {
+    /// object, every mesh in text form. Without those of a pack, which is stored whole.
+    fn texts_behind(&self, file: &SceneFile, own: &str, materials: Vec<String>) -> Vec<String> {
         let materials = materials
             .iter()
             .map(|name| format!("materials/{name}.toml"));
@@ -91,8 +132,12 @@ impl Scene {
             let path = path.to_ascii_lowercase();
             path.ends_with(".obj") || path.ends_with(".gltf")
         });
-        let mut paths = vec![own];
+        let mut paths = vec![own.to_owned()];
         paths.extend(materials.chain(objects).chain(meshes));
+        if let Some(pack) = &self.pack {
+            let is_own = |path: &String| path == own || pack.file(path).is_some();
+            paths.retain(|path| !is_own(path));
+        }
         paths.sort();
         paths.dedup();
         paths
@@ -313,7 +358,9 @@ impl Scene {
         entry: &ObjectEntry,
     ) -> Result<(), SceneError> {
         let kind = entry.kind.as_deref().unwrap_or(&entry.name);
-        let known = names(reader.assets, "objects")?;
+        let mut known = names(reader.assets, "objects")?;
+        let packed = reader.pack.iter();
+        known.extend(packed.flat_map(|p| p.names("objects", "toml").map(str::to_owned)));
         if !known.iter().any(|name| name == kind) {
             return Err(place.key("kind").wrong(
                 format!("{kind:?}"),

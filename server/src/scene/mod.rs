@@ -18,11 +18,14 @@ pub use bounds::Bounds;
 pub(crate) use error::Place;
 pub use error::SceneError;
 pub use folder::{AssetText, texts};
-pub(crate) use folder::{names, parse, provenance, text};
+pub(crate) use folder::{Files, names, parse, parse_packed, provenance, text};
 pub use object::object;
 pub use soft::Soft;
 
+use std::sync::Arc;
+
 use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};
+use wheelarm_pack::Pack;
 use wheelarm_proto::furniture::JointMotion;
 
 use crate::geometry::{Part, Visual};
@@ -48,6 +51,8 @@ pub struct Scene {
     pub room_camera: RoomCamera,
     /// Its text files, below the assets folder and sorted.
     pub files: Vec<String>,
+    /// Its world pack; `None` for a scene of the assets.
+    pub pack: Option<Arc<Pack>>,
 }
 
 /// A body of the scene.

@@ -13,7 +13,7 @@ use super::name_check::{known_joint, known_object};
 use super::rest::lying;
 use super::scene_sampling::sample_scene;
 use crate::robot::CorridorSettings;
-use crate::scene::{Body, Place, Scene, SceneError, names, parse, provenance};
+use crate::scene::{Body, Files, Place, Scene, SceneError, provenance};
 
 /// Seeds sampled when an area is loaded, to check that there is room.
 const SEEDS: u64 = 4;
@@ -123,12 +123,21 @@ impl AreaSpec {
         scene: &Scene,
         hand: &CorridorSettings,
     ) -> Result<Self, SceneError> {
-        let mut spec = Self::load_alone(assets, name, scene, hand)?;
+        let files = Files::of_scene(assets, scene);
+        let mut spec = Self::load_alone(files, name, scene, hand)?;
         let place = Place::file(&format!("areas/{name}.toml"));
-        for other in names(assets, "areas")? {
-            if other != name && read(assets, &other)?.scene == scene.name {
-                let other = Self::load_alone(assets, &other, scene, hand)?;
-                spec.surroundings.push(other);
+        let others = files.names("areas")?.into_iter();
+        for other in others.filter(|other| other != name) {
+            let is_here = read(files, &other).map(|file| file.scene == scene.name);
+            let loaded = match is_here {
+                Ok(false) => continue,
+                Ok(true) => Self::load_alone(files, &other, scene, hand),
+                Err(error) => Err(error),
+            };
+            match loaded {
+                Ok(other) => spec.surroundings.push(other),
+                // The bad area costs its own tasks only.
+                Err(error) => tracing::warn!("the area {other:?} is left out: {error}"),
             }
         }
         spec.check_room(&place, scene)?;
@@ -137,12 +146,12 @@ impl AreaSpec {
 
     /// Without its surroundings, and without the check of the room.
     fn load_alone(
-        assets: &Path,
+        files: Files<'_>,
         name: &str,
         scene: &Scene,
         hand: &CorridorSettings,
     ) -> Result<Self, SceneError> {
-        let file = read(assets, name)?;
+        let file = read(files, name)?;
         let place = Place::file(&format!("areas/{name}.toml"));
         if file.scene != scene.name {
             return Err(place.key("scene").wrong(
@@ -225,8 +234,8 @@ impl AreaSpec {
 }
 
 /// Name of the scene of an area, read from its file only.
-pub(super) fn scene_of(assets: &Path, area: &Place, name: &str) -> Result<String, SceneError> {
-    let known = names(assets, "areas")?;
+pub(super) fn scene_of(files: Files<'_>, area: &Place, name: &str) -> Result<String, SceneError> {
+    let known = files.names("areas")?;
     if !known.iter().any(|known| known == name) {
         return Err(area.wrong(
             format!("{name:?}"),
@@ -234,12 +243,12 @@ pub(super) fn scene_of(assets: &Path, area: &Place, name: &str) -> Result<String
             "correct the name or add the area in assets/areas",
         ));
     }
-    Ok(read(assets, name)?.scene)
+    Ok(read(files, name)?.scene)
 }
 
-fn read(assets: &Path, name: &str) -> Result<AreaFile, SceneError> {
+fn read(files: Files<'_>, name: &str) -> Result<AreaFile, SceneError> {
     let path = format!("areas/{name}.toml");
-    let file: AreaFile = parse(assets, &path)?;
+    let file: AreaFile = files.parse(&path)?;
     provenance(&Place::file(&path), &file.origin, &file.license)?;
     Ok(file)
 }

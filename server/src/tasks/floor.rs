@@ -13,7 +13,6 @@ use wheelarm_proto::settings::Starts;
 
 use super::area::{AreaSpec, Range, Variant};
 use super::random::{index, number, stream};
-use crate::geometry::bounds;
 use crate::people::{Capsule, HeadPose, Person};
 use crate::robot::RobotModel;
 use crate::scene::{Body, Scene};
@@ -341,12 +340,9 @@ fn footprint_check(model: &RobotModel, scene: &Scene, limbs: &[Limb]) -> Footpri
 
 /// Boxes around the colliding parts of furniture, in `house`.
 pub fn collision_boxes(body: &Body) -> impl Iterator<Item = Obb> + '_ {
-    body.collision.iter().filter_map(|part| {
-        let (centre, half) = bounds(&part.shape)?;
-        Some(Obb {
-            pose: body.pose * part.pose * Translation3::from(centre),
-            half,
-            round: false,
-        })
+    body.collision_boxes().map(|(body_from_box, half)| Obb {
+        pose: body.pose * body_from_box,
+        half,
+        round: false,
     })
 }

@@ -26,6 +26,7 @@ mod multiply;
 mod mutation;
 mod over_ticks;
 mod own_client;
+mod packs;
 mod person;
 mod policies;
 mod queries;

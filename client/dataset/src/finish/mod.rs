@@ -264,6 +264,7 @@ fn fill(file: hdf5::File, path: &Path, scan: &Scan, account: &Account) -> Result
     root::attributes(&file, scan, account, last.as_ref(), &context)?;
     root::scenario(&file, scan)?;
     root::initial_state(&file, &scan.preamble)?;
+    root::packs(&file, &scan.preamble)?;
     root::robot(&file, &robot)?;
 
     let group = file.create_group("streams")?;

@@ -52,7 +52,7 @@ const INEXACT: [&str; 22] = [
 ];
 
 /// Folders whose code computes states, sampled values or commands.
-const EXACT: [&str; 14] = [
+const EXACT: [&str; 15] = [
     "server/src/world",
     "server/src/appearance",
     "server/src/robot",
@@ -63,6 +63,7 @@ const EXACT: [&str; 14] = [
     "server/src/geometry",
     "server/src/service",
     "client/expert/src",
+    "proto/pack/src",
     "proto/planning/src",
     "proto/language/src",
     "server/sensor-models/src",
@@ -192,7 +193,7 @@ const CLIENTS: [(&str, &[&str]); 13] = [
     (
         "client/rollout/worker",
         &[
-            "dataset", "expert", "proto", "recorder", "rollout", "sdk", "server",
+            "dataset", "expert", "pack", "proto", "recorder", "rollout", "sdk", "server",
         ],
     ),
     (
@@ -206,7 +207,7 @@ const CLIENTS: [(&str, &[&str]); 13] = [
     (
         "client/campaign",
         &[
-            "dataset", "expert", "options", "policy", "proto", "rollout", "sdk",
+            "dataset", "expert", "options", "pack", "policy", "proto", "rollout", "sdk",
         ],
     ),
     (
@@ -216,6 +217,7 @@ const CLIENTS: [(&str, &[&str]); 13] = [
             "campaign",
             "expert",
             "options",
+            "pack",
             "proto",
             "recorder",
             "rollout",
@@ -243,6 +245,7 @@ fn access_opens_no_connection() {
 fn pure_packages_are_below_server_and_clients() {
     for folder in [
         "proto/codec",
+        "proto/pack",
         "proto/planning",
         "proto/language",
         "server/sensor-models",
