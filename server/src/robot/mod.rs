@@ -3,6 +3,7 @@
 
 mod load;
 mod outline;
+mod reach;
 mod roles;
 mod settings;
 
@@ -14,6 +15,7 @@ use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Unit, UnitQuaternion, V
 use crate::geometry::{Part, Visual};
 
 pub use load::RobotError;
+pub use reach::NoReachMap;
 pub use roles::{ARM_JOINTS, RecordedFrame, RecordedJoint, Roles};
 pub use settings::{
     ArmSettings, CameraMount, CameraTolerance, CorridorSettings, DriveSettings, FrameRole,
