@@ -1,6 +1,7 @@
 //! The robot as a model: URDF, kinematics and control laws, without physics, rendering
 //! and network.
 
+mod clearance;
 mod load;
 mod outline;
 mod reach;
@@ -14,6 +15,7 @@ use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Unit, UnitQuaternion, V
 
 use crate::geometry::{Part, Visual};
 
+pub use clearance::ArmSurface;
 pub use load::RobotError;
 pub use reach::NoReachMap;
 pub use roles::{ARM_JOINTS, RecordedFrame, RecordedJoint, Roles};

@@ -145,22 +145,14 @@ impl Room {
 
     /// Whether a point is in it.
     #[must_use]
-    pub fn contains(&self, [x, y]: [f64; 2]) -> bool {
-        let corners = self.outline.iter();
-        let next = self.outline.iter().cycle().skip(1);
-        let crosses = |(a, b): &(&[f64; 2], &[f64; 2])| {
-            (y < a[1]) != (y < b[1]) && x < (b[0] - a[0]) * (y - a[1]) / (b[1] - a[1]) + a[0]
-        };
-        corners.zip(next).filter(crosses).count() % 2 == 1
+    pub fn contains(&self, at: [f64; 2]) -> bool {
+        wheelarm_pack::contains(&self.outline, at)
     }
 
     /// Area, m².
     #[must_use]
     pub fn area(&self) -> f64 {
-        let next = self.outline.iter().cycle().skip(1);
-        let pairs = self.outline.iter().zip(next);
-        let double: f64 = pairs.map(|(a, b)| a[0] * b[1] - b[0] * a[1]).sum();
-        double.abs() / 2.0
+        wheelarm_pack::area(&self.outline).abs()
     }
 
     /// Mean of its corners.

@@ -6,6 +6,7 @@
 
 pub mod doors;
 pub mod floor;
+mod from_pack;
 pub mod home;
 pub mod moving;
 mod page;
@@ -15,13 +16,12 @@ pub mod rooms;
 pub mod surfaces;
 mod text;
 
-#[cfg(test)]
-mod tests;
 
 use serde::Serialize;
 use wheelarm_planning::floor_map::{DRIVE_CLEARANCE, STOP_CLEARANCE};
 
 pub use doors::DoorReport;
+pub use from_pack::NoHome;
 pub use home::Home;
 pub use moving::MoveReport;
 pub use page::page;

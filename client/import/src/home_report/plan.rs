@@ -10,7 +10,7 @@ use plotters::style::{FontStyle, register_font};
 use wheelarm_planning::footprint_check::Rectangle;
 
 use super::Finding;
-use super::home::{Home, Owner};
+use super::home::{Home, Owner, Solid};
 
 /// Largest side of the image, pixels.
 const LARGEST: f64 = 1600.0;
@@ -145,7 +145,7 @@ fn draw(paper: &Paper<'_>, view: &View, home: &Home, finding: &Finding) -> Drawn
         paper.draw(&plotters::element::Rectangle::new(ends, colour.filled()))?;
     }
     let low = home.solids.iter().filter(|solid| solid.heights[0] < HEAD && solid.heights[1] > 0.03);
-    let (walls, pieces): (Vec<_>, Vec<_>) = low.partition(|s| s.owner == Owner::Building);
+    let (walls, pieces): (Vec<&Solid>, Vec<&Solid>) = low.partition(|s| s.owner == Owner::Building);
     for (solids, colour) in [(pieces, PIECE), (walls, WALL)] {
         for solid in solids {
             paper.draw(&Polygon::new(view.corners(&solid.outline), colour.filled()))?;
