@@ -49,11 +49,10 @@ impl Archive {
                 MAX_FILE >> 20
             )));
         }
-        let mut zip =
-            ZipArchive::new(Cursor::new(bytes)).map_err(|error| ImportError::NotZip {
-                file: file.to_owned(),
-                reason: error.to_string(),
-            })?;
+        let mut zip = ZipArchive::new(Cursor::new(bytes)).map_err(|error| ImportError::NotZip {
+            file: file.to_owned(),
+            reason: error.to_string(),
+        })?;
         if zip.len() > MAX_ENTRIES {
             return Err(reject(format!(
                 "{} entries, at most {MAX_ENTRIES} are read; leave out unused models",
@@ -65,7 +64,10 @@ impl Archive {
             let entry = zip
                 .by_index_raw(index)
                 .map_err(|error| reject(format!("entry {index}: {error}")))?;
-            let path = entry.name().to_owned();
+            let path = entry
+                .name()
+                .map_err(|error| reject(format!("entry {index}: {error}")))?
+                .into_owned();
             if let Some(why) = unsafe_path(&path) {
                 return Err(reject(format!(
                     "entry {path:?} {why}; save the home again with Sweet Home 3D"

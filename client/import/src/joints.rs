@@ -91,7 +91,9 @@ pub fn joints(model: &Model, fitted: &Fitted) -> Vec<Joint> {
         .iter()
         .map(|name| {
             let name = name.to_ascii_lowercase();
-            ["handle", "poign", "knob", "griff"].iter().any(|word| name.contains(word))
+            ["handle", "poign", "knob", "griff"]
+                .iter()
+                .any(|word| name.contains(word))
         })
         .collect();
     let mut leaves: BTreeMap<(JointKind, u32), Vec<usize>> = BTreeMap::new();
@@ -151,8 +153,14 @@ mod tests {
             ("sweethome3d_hinge_1_2", Some(Part::Pin(Hinge, 1))),
             ("sweethome3d_hinge_1_1_Gond_3", Some(Part::Pin(Hinge, 1))),
             ("sweethome3d_unique_rail", Some(Part::Pin(Rail, 0))),
-            ("sweethome3d_opening_on_hinge_12_door", Some(Part::Leaf(Hinge, 12))),
-            ("sweethome3d_window_pane_on_rail_2", Some(Part::Leaf(Rail, 2))),
+            (
+                "sweethome3d_opening_on_hinge_12_door",
+                Some(Part::Leaf(Hinge, 12)),
+            ),
+            (
+                "sweethome3d_window_pane_on_rail_2",
+                Some(Part::Leaf(Rail, 2)),
+            ),
             ("sweethome3d_window_pane", None),
             ("sweethome3d_hinge_x", None),
             ("sweethome3d_hinge_99999999999", None),

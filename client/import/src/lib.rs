@@ -68,7 +68,9 @@ pub fn import_file(path: &Path, options: &Options) -> Result<Imported, ImportErr
         reason,
     };
     let about = std::fs::metadata(path).map_err(|error| unreadable(error.to_string()))?;
-    let name = path.file_name().map(|name| name.to_string_lossy().into_owned());
+    let name = path
+        .file_name()
+        .map(|name| name.to_string_lossy().into_owned());
     let name = name.unwrap_or_else(|| path.display().to_string());
     if about.len() > archive::MAX_FILE {
         return Err(ImportError::Unsafe {

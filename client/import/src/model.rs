@@ -272,7 +272,10 @@ fn add(model: &mut Model, mesh: &tobj::Mesh, material: u32, group: u32) -> Resul
         ));
     }
     for (index, corners) in triangles.iter().enumerate() {
-        if corners.iter().any(|&corner| corner as usize >= points.len()) {
+        if corners
+            .iter()
+            .any(|&corner| corner as usize >= points.len())
+        {
             return Err("a face names a vertex that does not exist".into());
         }
         let at = |corner: u32| uvs.get(corner as usize).copied();

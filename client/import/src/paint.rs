@@ -11,12 +11,36 @@ use crate::texture;
 
 /// Families by parts of the names of materials.
 const FAMILIES: [(Family, &[&str]); 7] = [
-    (Family::Wood, &["wood", "bois", "flblonde", "pine", "oak", "parquet", "chene", "holz"]),
-    (Family::Metal, &["silver", "chrome", "metal", "acier", "inox", "alu", "steel", "brass"]),
-    (Family::Fabric, &["iris", "tissu", "fabric", "cloth", "coussin", "cushion", "matelas", "drap", "stoff"]),
-    (Family::Plant, &["leaf", "leaves", "feuille", "blatt", "yellow_green"]),
-    (Family::Ceramic, &["ceramic", "porcelain", "porzellan", "email"]),
-    (Family::Stone, &["marble", "stone", "granit", "marbre", "stein"]),
+    (
+        Family::Wood,
+        &[
+            "wood", "bois", "flblonde", "pine", "oak", "parquet", "chene", "holz",
+        ],
+    ),
+    (
+        Family::Metal,
+        &[
+            "silver", "chrome", "metal", "acier", "inox", "alu", "steel", "brass",
+        ],
+    ),
+    (
+        Family::Fabric,
+        &[
+            "iris", "tissu", "fabric", "cloth", "coussin", "cushion", "matelas", "drap", "stoff",
+        ],
+    ),
+    (
+        Family::Plant,
+        &["leaf", "leaves", "feuille", "blatt", "yellow_green"],
+    ),
+    (
+        Family::Ceramic,
+        &["ceramic", "porcelain", "porzellan", "email"],
+    ),
+    (
+        Family::Stone,
+        &["marble", "stone", "granit", "marbre", "stein"],
+    ),
     (Family::Plastic, &["plastic", "kunststoff"]),
 ];
 
@@ -47,7 +71,11 @@ impl Paints {
         let hex = hex(colour);
         let rough = (roughness * 20.0).round() / 20.0;
         let name = format!("{word}_{hex}_{:.0}", rough * 100.0);
-        let metallic = if family == Some(Family::Metal) { 0.6 } else { 0.0 };
+        let metallic = if family == Some(Family::Metal) {
+            0.6
+        } else {
+            0.0
+        };
         self.materials.entry(name.clone()).or_insert(MaterialEntry {
             color: format!("#{hex}"),
             roughness: rough,
@@ -61,7 +89,14 @@ impl Paints {
     }
 
     /// A color with a pattern of the assets.
-    pub fn patterned(&mut self, colour: Rgb, family: Family, roughness: f64, pattern: &str, metres: f64) -> String {
+    pub fn patterned(
+        &mut self,
+        colour: Rgb,
+        family: Family,
+        roughness: f64,
+        pattern: &str,
+        metres: f64,
+    ) -> String {
         let name = format!("{}_{}_{pattern}", family.name(), hex(colour));
         self.materials.entry(name.clone()).or_insert(MaterialEntry {
             color: format!("#{}", hex(colour)),
@@ -119,15 +154,17 @@ impl Paints {
         family: Option<Family>,
         transmission: f64,
     ) -> String {
-        self.materials.entry(name.to_owned()).or_insert(MaterialEntry {
-            color: color.to_owned(),
-            roughness,
-            metallic,
-            emission,
-            texture: None,
-            family,
-            transmission,
-        });
+        self.materials
+            .entry(name.to_owned())
+            .or_insert(MaterialEntry {
+                color: color.to_owned(),
+                roughness,
+                metallic,
+                emission,
+                texture: None,
+                family,
+                transmission,
+            });
         name.to_owned()
     }
 
@@ -213,8 +250,9 @@ impl Paints {
             ));
             return Ok(None);
         };
-        let square = texture::decode(&bytes)
-            .and_then(|image| texture::square_png(&image, times).ok_or("it cannot be encoded".into()));
+        let square = texture::decode(&bytes).and_then(|image| {
+            texture::square_png(&image, times).ok_or("it cannot be encoded".into())
+        });
         match square {
             Ok(png) => {
                 let name = format!("image_{}", &blake3::hash(&png).to_hex()[..12]);
@@ -222,7 +260,8 @@ impl Paints {
                 Ok(Some(name))
             }
             Err(reason) => {
-                self.notes.push(format!("image {path} is not used: {reason}"));
+                self.notes
+                    .push(format!("image {path} is not used: {reason}"));
                 Ok(None)
             }
         }

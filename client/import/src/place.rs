@@ -39,7 +39,11 @@ pub struct FreeFloor {
 impl FreeFloor {
     /// The floor inside `rooms` that obstacles and openings leave free.
     #[must_use]
-    pub fn new(rooms: &[&[Point]], obstacles: &[Obstacle], openings: &[Vec<Point>]) -> Option<Self> {
+    pub fn new(
+        rooms: &[&[Point]],
+        obstacles: &[Obstacle],
+        openings: &[Vec<Point>],
+    ) -> Option<Self> {
         let corners: Vec<Point> = rooms.iter().flat_map(|room| room.iter().copied()).collect();
         if corners.is_empty() {
             return None;
@@ -97,11 +101,18 @@ impl FreeFloor {
         let (_, at, free) = best?;
         let longest = (0..8)
             .map(|eighth| (eighth, self.run(at, f64::from(eighth) * 45.0)))
-            .fold((0, 0.0), |best, next| if next.1 > best.1 + 0.1 { next } else { best });
+            .fold(
+                (0, 0.0),
+                |best, next| if next.1 > best.1 + 0.1 { next } else { best },
+            );
         let degrees = f64::from(longest.0) * 45.0;
         Some(Start {
             at,
-            yaw_deg: if degrees > 180.0 { degrees - 360.0 } else { degrees },
+            yaw_deg: if degrees > 180.0 {
+                degrees - 360.0
+            } else {
+                degrees
+            },
             free,
         })
     }
@@ -167,13 +178,23 @@ fn distances(grid: &Grid, free: &[bool]) -> Vec<f64> {
     };
     for j in 0..rows {
         for i in 0..columns {
-            let steps = [(-1, 0, 1.0), (0, -1, 1.0), (-1, -1, diagonal), (1, -1, diagonal)];
+            let steps = [
+                (-1, 0, 1.0),
+                (0, -1, 1.0),
+                (-1, -1, diagonal),
+                (1, -1, diagonal),
+            ];
             relax(&mut distance, i, j, steps);
         }
     }
     for j in (0..rows).rev() {
         for i in (0..columns).rev() {
-            let steps = [(1, 0, 1.0), (0, 1, 1.0), (1, 1, diagonal), (-1, 1, diagonal)];
+            let steps = [
+                (1, 0, 1.0),
+                (0, 1, 1.0),
+                (1, 1, diagonal),
+                (-1, 1, diagonal),
+            ];
             relax(&mut distance, i, j, steps);
         }
     }

@@ -6,7 +6,6 @@ use crate::error::ImportError;
 use crate::fit::METRES;
 use crate::polygon::{self, Point};
 use crate::sh3d::{Home, Piece, PieceKind, Room, Wall};
-use crate::words;
 
 /// Boxes of a round wall.
 const ARC_PARTS: usize = 10;
@@ -137,13 +136,12 @@ impl<'a> Plan<'a> {
             let mut points = self.centre_line(wall);
             let last = points.len() - 1;
             let at_start = self.extension(wall, wall.at_start.as_deref(), points[1], points[0]);
-            let at_end = self.extension(wall, wall.at_end.as_deref(), points[last - 1], points[last]);
+            let at_end =
+                self.extension(wall, wall.at_end.as_deref(), points[last - 1], points[last]);
             points[0] = lengthened(points[1], points[0], at_start);
             points[last] = lengthened(points[last - 1], points[last], at_end);
             for (part, ends) in points.windows(2).enumerate() {
-                let share = |k: usize| {
-                    height + (end_height - height) * k as f64 / last as f64
-                };
+                let share = |k: usize| height + (end_height - height) * k as f64 / last as f64;
                 let straight = StraightWall {
                     source,
                     from: ends[0],
@@ -204,7 +202,11 @@ impl<'a> Plan<'a> {
         let line = self.centre_line(other);
         let near = |p: Point| polygon::distance(p, end);
         let (first, last) = (line[0], line[line.len() - 1]);
-        let next = if near(first) <= near(last) { line[1] } else { line[line.len() - 2] };
+        let next = if near(first) <= near(last) {
+            line[1]
+        } else {
+            line[line.len() - 2]
+        };
         let (u, v) = (unit(inner, end), unit(end, next));
         // Tangent of half the turn: |cross| / (1 + dot).
         let (dot, cross) = (u[0] * v[0] + u[1] * v[1], (u[0] * v[1] - u[1] * v[0]).abs());
@@ -219,7 +221,9 @@ impl<'a> Plan<'a> {
     pub fn rooms(&self) -> impl Iterator<Item = (usize, &'a Room)> {
         let on = |room: &Room| self.is_on(room.level.as_deref());
         let rooms = self.home.rooms.iter().enumerate();
-        let rooms: Vec<_> = rooms.filter(|(_, r)| on(r) && r.points.len() >= 3).collect();
+        let rooms: Vec<_> = rooms
+            .filter(|(_, r)| on(r) && r.points.len() >= 3)
+            .collect();
         rooms.into_iter()
     }
 
@@ -231,9 +235,10 @@ impl<'a> Plan<'a> {
         };
         let floor = self.home.levels[index].elevation;
         let stairs = self.home.pieces.iter().filter(|piece| {
-            let below = piece.level.as_deref().and_then(|id| {
-                self.home.levels.iter().find(|level| level.id == id)
-            });
+            let below = piece
+                .level
+                .as_deref()
+                .and_then(|id| self.home.levels.iter().find(|level| level.id == id));
             let top = |elevation: f64| elevation + piece.elevation + piece.size[2];
             piece.cuts_floor
                 && piece.visible
@@ -343,7 +348,11 @@ fn select(file: &str, home: &Home, choice: Option<&str>) -> Result<Option<usize>
         let names: Vec<String> = all
             .map(|index| format!("{} ({})", home.levels[index].name, walls(index)))
             .collect();
-        if names.is_empty() { "none".to_owned() } else { names.join(", ") }
+        if names.is_empty() {
+            "none".to_owned()
+        } else {
+            names.join(", ")
+        }
     };
     if home.levels.is_empty() {
         return match choice {
@@ -370,7 +379,9 @@ fn select(file: &str, home: &Home, choice: Option<&str>) -> Result<Option<usize>
             };
             let by_name = home.levels.iter().position(named);
             let number = choice.parse::<usize>().ok();
-            let by_number = number.and_then(|n| n.checked_sub(1)).filter(|&n| n < home.levels.len());
+            let by_number = number
+                .and_then(|n| n.checked_sub(1))
+                .filter(|&n| n < home.levels.len());
             by_name.or(by_number).ok_or_else(|| ImportError::NoLevel {
                 file: file.to_owned(),
                 level: choice.to_owned(),
@@ -379,7 +390,10 @@ fn select(file: &str, home: &Home, choice: Option<&str>) -> Result<Option<usize>
         }
         None => {
             let shown = home.selected_level.as_deref();
-            let shown = home.levels.iter().position(|level| Some(level.id.as_str()) == shown);
+            let shown = home
+                .levels
+                .iter()
+                .position(|level| Some(level.id.as_str()) == shown);
             let lived_in = shown.filter(|&index| walls(index) > 0 && rooms(index) > 0);
             let most = (0..home.levels.len())
                 .rev()
@@ -394,10 +408,4 @@ fn select(file: &str, home: &Home, choice: Option<&str>) -> Result<Option<usize>
         });
     }
     Ok(Some(index))
-}
-
-/// Whether a room is outside, by its name.
-#[must_use]
-pub fn is_outside(room: &Room) -> bool {
-    words::is_outside(words::room_kind(&room.name))
 }

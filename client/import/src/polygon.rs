@@ -23,7 +23,9 @@ pub fn area(polygon: &[Point]) -> f64 {
         return 0.0;
     };
     let sides = polygon.windows(2);
-    0.5 * sides.map(|side| cross(first, side[0], side[1])).sum::<f64>()
+    0.5 * sides
+        .map(|side| cross(first, side[0], side[1]))
+        .sum::<f64>()
 }
 
 /// Whether a point is inside.
@@ -200,9 +202,8 @@ pub fn outside(polygon: &[Point], others: &[&[Point]]) -> Vec<Vec<Point>> {
         let mut next = Vec::new();
         for (left, right) in intervals(polygon, others, low, high) {
             let continued = open.iter().position(|(l, r)| {
-                let near = |side: &[Point], x: f64| {
-                    side.last().is_some_and(|p| (p[0] - x).abs() < 1.0e-6)
-                };
+                let near =
+                    |side: &[Point], x: f64| side.last().is_some_and(|p| (p[0] - x).abs() < 1.0e-6);
                 near(l, left[0]) && near(r, right[0])
             });
             let (mut l, mut r) = match continued {

@@ -111,7 +111,11 @@ pub fn rooms(
             .iter()
             .enumerate()
             .filter(|&(other, of)| {
-                let is_over = if of.2 == *has_floor { other > order } else { of.2 };
+                let is_over = if of.2 == *has_floor {
+                    other > order
+                } else {
+                    of.2
+                };
                 other != order && is_over
             })
             .map(|(_, of)| of.1.as_slice())
@@ -193,7 +197,10 @@ fn enclosed(walls: &[StraightWall], names: &mut Names) -> Vec<PlanRoom> {
     let around = |p: Point, by: f64| p.map(|c| c + by);
     let grid = Grid::covering(around(low, -0.2), around(high, 0.2), CELL);
     let mut free = vec![true; grid.len()];
-    for wall in walls.iter().filter(|wall| wall.height.max(wall.end_height) > 1.0) {
+    for wall in walls
+        .iter()
+        .filter(|wall| wall.height.max(wall.end_height) > 1.0)
+    {
         let outline = wall.outline().map(|[x, y]| [x, y, 0.0]);
         grid.cover(&outline, |cell, _| free[cell] = false);
     }
@@ -227,7 +234,8 @@ fn trace(grid: &Grid, part: &[usize]) -> Vec<Point> {
         mask[cell] = true;
     }
     let set = |i: isize, j: isize| {
-        let inside = i >= 0 && j >= 0 && (i as usize) < grid.count[0] && (j as usize) < grid.count[1];
+        let inside =
+            i >= 0 && j >= 0 && (i as usize) < grid.count[0] && (j as usize) < grid.count[1];
         inside && mask[grid.index(i as usize, j as usize)]
     };
     let Some(&first) = part.first() else {
@@ -270,7 +278,10 @@ fn open_end(walls: &[StraightWall]) -> Point {
     let mut best = (-1.0, [0.0, 0.0]);
     for (index, wall) in walls.iter().enumerate() {
         for end in [wall.from, wall.to] {
-            let others = walls.iter().enumerate().filter(|&(other, _)| other != index);
+            let others = walls
+                .iter()
+                .enumerate()
+                .filter(|&(other, _)| other != index);
             let gap = others.fold(f64::INFINITY, |least, (_, other)| {
                 least.min(polygon::distance_to_side(end, other.from, other.to))
             });
@@ -300,11 +311,16 @@ mod tests {
     #[test]
     fn walls_enclose_rooms() {
         let corners = [[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0]];
-        let mut walls: Vec<_> = (0..4).map(|i| wall(corners[i], corners[(i + 1) % 4])).collect();
+        let mut walls: Vec<_> = (0..4)
+            .map(|i| wall(corners[i], corners[(i + 1) % 4]))
+            .collect();
         walls.push(wall([2.0, 0.0], [2.0, 3.0]));
         let rooms = enclosed(&walls, &mut Names::default());
         assert_eq!(rooms.len(), 2);
-        assert_eq!((rooms[0].name.as_str(), rooms[1].name.as_str()), ("room", "room_2"));
+        assert_eq!(
+            (rooms[0].name.as_str(), rooms[1].name.as_str()),
+            ("room", "room_2")
+        );
         for room in &rooms {
             assert!((room.area() - 1.9 * 2.9).abs() < 0.6, "{}", room.area());
             assert!(room.outline.len() <= 6, "{:?}", room.outline);

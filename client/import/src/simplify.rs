@@ -40,7 +40,10 @@ fn clustered(triangles: &[[Corner; 3]], cell: f64) -> Vec<[Corner; 3]> {
             continue;
         }
         kept.push([0, 1, 2].map(|k| {
-            let (sum, count) = sums.get(&key(&triangle[k])).copied().unwrap_or(([0.0; 3], 1.0));
+            let (sum, count) = sums
+                .get(&key(&triangle[k]))
+                .copied()
+                .unwrap_or(([0.0; 3], 1.0));
             (sum.map(|total| total / count), triangle[k].1)
         }));
     }
@@ -63,8 +66,15 @@ mod tests {
             }
         }
         let simple = simplify(triangles, 1.2);
-        assert!(simple.len() <= MOST && simple.len() > 500, "{}", simple.len());
-        let far = simple.iter().flatten().fold(0.0_f64, |most, c| most.max(c.0[0]));
+        assert!(
+            simple.len() <= MOST && simple.len() > 500,
+            "{}",
+            simple.len()
+        );
+        let far = simple
+            .iter()
+            .flatten()
+            .fold(0.0_f64, |most, c| most.max(c.0[0]));
         assert!(far > 1.15);
     }
 }

@@ -19,6 +19,8 @@ const CELLS: f64 = 32.0;
 const THICKNESS: f64 = 0.01;
 /// Level faces within this height belong together, metres.
 const LEVEL: f64 = 0.008;
+/// A face this close to a cut is in it, metres.
+const IN_CUT: f64 = 1.0e-5;
 
 /// An upright prism, metres.
 #[derive(Clone, Debug, PartialEq)]
@@ -128,14 +130,19 @@ pub fn solids(points: &[Point3], triangles: &[[u32; 3]]) -> Vec<Solid> {
             Some([at(t[0])?, at(t[1])?, at(t[2])?])
         })
         .collect();
-    let layers = layers(&grid, &corners, low[2], high[2]);
+    let Cut { mut layers, faces } = cut_into_layers(&grid, &corners, low[2], high[2]);
+    fill(&grid, &mut layers, &faces);
+    let plates = share_faces(&grid, &mut layers, faces);
     let mut limits = Limits {
         share: 0.85,
         slack: 0.003,
         differ: 0.08,
     };
     for _ in 0..6 {
-        let found = bands(&grid, &layers, limits);
+        let mut found = bands(&grid, &layers, limits);
+        for plate in &plates {
+            found.extend(bands(&grid, std::slice::from_ref(plate), limits));
+        }
         if found.len() <= MOST_SOLIDS {
             return found;
         }
@@ -163,9 +170,13 @@ fn cuts(corners: &[[Point3; 3]], low: f64, high: f64, footprint: f64) -> Vec<f64
         let end = start + level[start..].partition_point(|face| face.0 <= first + LEVEL);
         let faces = &level[start..end];
         if faces.iter().map(|face| face.1).sum::<f64>() >= least {
-            let largest = faces.iter().fold((first, 0.0), |best, &face| {
-                if face.1 > best.1 { face } else { best }
-            });
+            let largest =
+                faces.iter().fold(
+                    (first, 0.0),
+                    |best, &face| {
+                        if face.1 > best.1 { face } else { best }
+                    },
+                );
             heights.push(largest.0);
         }
         start = end;
@@ -201,7 +212,14 @@ fn sub(a: Point3, b: Point3) -> Point3 {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-fn layers(grid: &Grid, corners: &[[Point3; 3]], low: f64, high: f64) -> Vec<Layer> {
+/// A model in layers, and its level faces in the cuts between them.
+struct Cut {
+    layers: Vec<Layer>,
+    /// Of each cut from the lowest and of each cell: corners of level faces.
+    faces: Vec<Vec<Vec<Point3>>>,
+}
+
+fn cut_into_layers(grid: &Grid, corners: &[[Point3; 3]], low: f64, high: f64) -> Cut {
     let footprint = grid.len() as f64 * grid.cell * grid.cell;
     let cuts = cuts(corners, low, high.max(low + 1.0e-6), footprint);
     let mut layers: Vec<Layer> = cuts
@@ -213,28 +231,67 @@ fn layers(grid: &Grid, corners: &[[Point3; 3]], low: f64, high: f64) -> Vec<Laye
             filled: vec![false; grid.len()],
         })
         .collect();
+    let mut faces = vec![vec![Vec::new(); grid.len()]; cuts.len()];
     for triangle in corners {
         let (bottom, top) = bounds(triangle);
+        let is_in = |cut: &f64| (bottom[2] - cut).abs() < IN_CUT && (top[2] - cut).abs() < IN_CUT;
+        if let Some(cut) = cuts.iter().position(is_in) {
+            grid.cover(triangle, |cell, piece| add(&mut faces[cut][cell], piece));
+            continue;
+        }
         for layer in &mut layers {
-            // A face in a cut belongs to the layer below it, the lowest one to the first.
-            let first = layer.low <= low + 1.0e-9;
-            let starts = if first { layer.low - 1.0e-6 } else { layer.low + 1.0e-5 };
-            if top[2] < starts || bottom[2] > layer.high + 1.0e-5 {
+            if top[2] <= layer.low + IN_CUT || bottom[2] >= layer.high - IN_CUT {
                 continue;
             }
-            let part = clip(triangle, 2, layer.low, layer.high + 1.0e-5);
+            let part = clip(triangle, 2, layer.low, layer.high);
             grid.cover(&part, |cell, piece| {
-                let points = &mut layer.points[cell];
-                points.extend_from_slice(piece);
-                if points.len() > 64 {
-                    thin_out(points);
-                }
+                add(&mut layer.points[cell], piece);
                 layer.filled[cell] = true;
             });
         }
     }
-    fill(grid, &mut layers);
-    layers
+    Cut { layers, faces }
+}
+
+fn add(points: &mut Vec<Point3>, piece: &[Point3]) {
+    points.extend_from_slice(piece);
+    if points.len() > 64 {
+        thin_out(points);
+    }
+}
+
+/// Gives level faces to the filled layers above and below them. Returns the others: plates
+/// without a thickness, as layers of their own.
+fn share_faces(grid: &Grid, layers: &mut [Layer], faces: Vec<Vec<Vec<Point3>>>) -> Vec<Layer> {
+    let mut plates = Vec::new();
+    for (cut, cells) in faces.into_iter().enumerate() {
+        let mut plate: Option<Layer> = None;
+        for (cell, points) in cells.into_iter().enumerate() {
+            let Some(first) = points.first() else {
+                continue;
+            };
+            let beside = [cut.checked_sub(1), Some(cut)];
+            let mut is_shared = false;
+            for layer in beside.into_iter().flatten() {
+                if let Some(layer) = layers.get_mut(layer).filter(|layer| layer.filled[cell]) {
+                    add(&mut layer.points[cell], &points);
+                    is_shared = true;
+                }
+            }
+            if !is_shared {
+                let plate = plate.get_or_insert_with(|| Layer {
+                    low: first[2],
+                    high: first[2],
+                    points: vec![Vec::new(); grid.len()],
+                    filled: vec![false; grid.len()],
+                });
+                plate.filled[cell] = true;
+                plate.points[cell] = points;
+            }
+        }
+        plates.extend(plate);
+    }
+    plates
 }
 
 /// Keeps the corners of the hull in plan at the least and the greatest height.
@@ -250,20 +307,33 @@ fn thin_out(points: &mut Vec<Point3>) {
 }
 
 /// Fills cells that are enclosed along all three axes.
-fn fill(grid: &Grid, layers: &mut [Layer]) {
+fn fill(grid: &Grid, layers: &mut [Layer], faces: &[Vec<Vec<Point3>>]) {
     let [columns, rows] = grid.count;
     let surface: Vec<Vec<bool>> = layers.iter().map(|layer| layer.filled.clone()).collect();
+    // The first and one after the last layer between surfaces, of each cell.
     let mut lowest = vec![usize::MAX; grid.len()];
     let mut highest = vec![0; grid.len()];
-    for (k, mask) in surface.iter().enumerate() {
-        for cell in (0..grid.len()).filter(|&cell| mask[cell]) {
+    for cell in 0..grid.len() {
+        for (k, _) in surface.iter().enumerate().filter(|(_, mask)| mask[cell]) {
             lowest[cell] = lowest[cell].min(k);
-            highest[cell] = k;
+            highest[cell] = highest[cell].max(k + 1);
+        }
+        for (cut, _) in faces
+            .iter()
+            .enumerate()
+            .filter(|(_, f)| !f[cell].is_empty())
+        {
+            lowest[cell] = lowest[cell].min(cut);
+            highest[cell] = highest[cell].max(cut);
         }
     }
     for (k, mask) in surface.iter().enumerate() {
         let extent = |cells: &mut dyn Iterator<Item = usize>| {
-            let set: Vec<usize> = cells.enumerate().filter(|&(_, c)| mask[c]).map(|(n, _)| n).collect();
+            let set: Vec<usize> = cells
+                .enumerate()
+                .filter(|&(_, c)| mask[c])
+                .map(|(n, _)| n)
+                .collect();
             (set.first().copied(), set.last().copied())
         };
         let along_x: Vec<_> = (0..rows)
@@ -277,7 +347,7 @@ fn fill(grid: &Grid, layers: &mut [Layer]) {
         };
         for cell in 0..grid.len() {
             let (i, j) = grid.place(cell);
-            let enclosed = lowest[cell] <= k && k <= highest[cell];
+            let enclosed = lowest[cell] <= k && k < highest[cell];
             if enclosed && within(along_x[j], i) && within(along_y[i], j) {
                 layers[k].filled[cell] = true;
             }
@@ -300,7 +370,6 @@ fn bands(grid: &Grid, layers: &[Layer], limits: Limits) -> Vec<Solid> {
         let band = Band {
             grid,
             layers: &layers[start..end],
-            above: layers.get(end).map(|layer| layer.filled.as_slice()),
             limits,
             plans: plans(grid, &layers[start..end], &mask),
         };
@@ -343,7 +412,6 @@ fn is_like(a: &[bool], b: &[bool], share: f64) -> bool {
 struct Band<'a> {
     grid: &'a Grid,
     layers: &'a [Layer],
-    above: Option<&'a [bool]>,
     limits: Limits,
     /// Corners in plan of each cell; of enclosed cells their own corners.
     plans: Vec<Vec<Point>>,
@@ -396,12 +464,9 @@ impl Band<'_> {
             let first = places.iter().min().copied().unwrap_or(0);
             let last = places.iter().max().copied().unwrap_or(0);
             for at in first + 1..=last {
-                let (a, b): (Vec<usize>, Vec<usize>) = cells
-                    .iter()
-                    .partition(|&&cell| self.along(axis, cell) < at);
-                let hull = |part: &[usize]| {
-                    polygon::area(&polygon::convex_hull(&self.plan(part)))
-                };
+                let (a, b): (Vec<usize>, Vec<usize>) =
+                    cells.iter().partition(|&&cell| self.along(axis, cell) < at);
+                let hull = |part: &[usize]| polygon::area(&polygon::convex_hull(&self.plan(part)));
                 let sum = hull(&a) + hull(&b);
                 if sum < best.0 {
                     best = (sum, Some((axis, at)));
@@ -429,16 +494,6 @@ impl Band<'_> {
         if !(high >= low) {
             return;
         }
-        if high - low < 2.0e-3 {
-            // The lower face of what stands above: the next band has it.
-            let covered = cells
-                .iter()
-                .filter(|&&cell| self.above.is_some_and(|above| above[cell]))
-                .count();
-            if covered * 2 > cells.len() {
-                return;
-            }
-        }
         polygon::reduce(&mut outline, MOST_CORNERS, 1.0e-4);
         let mut solid = Solid { outline, low, high };
         solid.thicken();
@@ -456,7 +511,13 @@ mod tests {
         for (low, high) in all {
             let first = points.len() as u32;
             for k in 0..8 {
-                let pick = |axis: usize| if k >> axis & 1 == 1 { high[axis] } else { low[axis] };
+                let pick = |axis: usize| {
+                    if k >> axis & 1 == 1 {
+                        high[axis]
+                    } else {
+                        low[axis]
+                    }
+                };
                 points.push([pick(0), pick(1), pick(2)]);
             }
             let faces = [
@@ -502,9 +563,9 @@ mod tests {
         // Without its front, x = 0.6.
         let open: Vec<_> = triangles[..10].to_vec();
         let found = solids(&points, &open);
-        let inside = found.iter().any(|s| {
-            s.low < 0.4 && s.high > 0.5 && polygon::contains(&s.outline, [0.4, 0.3])
-        });
+        let inside = found
+            .iter()
+            .any(|s| s.low < 0.4 && s.high > 0.5 && polygon::contains(&s.outline, [0.4, 0.3]));
         assert!(!inside, "{found:#?}");
     }
 

@@ -77,9 +77,11 @@ fn heights(corners: &[[Point3; 3]], from: f64, to: f64) -> Vec<f64> {
         let end = start + faces[start..].partition_point(|face| face.0 <= first + 0.004);
         let group = &faces[start..end];
         if group.iter().map(|face| face.1).sum::<f64>() >= LEAST * LEAST {
-            let largest = group
-                .iter()
-                .fold((first, 0.0), |best, &face| if face.1 > best.1 { face } else { best });
+            let largest =
+                group.iter().fold(
+                    (first, 0.0),
+                    |best, &face| if face.1 > best.1 { face } else { best },
+                );
             heights.push(largest.0);
         }
         start = end;
@@ -87,12 +89,7 @@ fn heights(corners: &[[Point3; 3]], from: f64, to: f64) -> Vec<f64> {
     heights
 }
 
-fn measure(
-    grid: &Grid,
-    corners: &[[Point3; 3]],
-    solids: &[Solid],
-    height: f64,
-) -> Option<Surface> {
+fn measure(grid: &Grid, corners: &[[Point3; 3]], solids: &[Solid], height: f64) -> Option<Surface> {
     let mut free = vec![false; grid.len()];
     let mut taken = vec![false; grid.len()];
     for triangle in corners {
@@ -143,8 +140,16 @@ mod tests {
     fn plate(low: [f64; 2], high: [f64; 2], z: f64) -> [[Point3; 3]; 2] {
         let at = |x: f64, y: f64| [x, y, z];
         [
-            [at(low[0], low[1]), at(high[0], low[1]), at(high[0], high[1])],
-            [at(low[0], low[1]), at(high[0], high[1]), at(low[0], high[1])],
+            [
+                at(low[0], low[1]),
+                at(high[0], low[1]),
+                at(high[0], high[1]),
+            ],
+            [
+                at(low[0], low[1]),
+                at(high[0], high[1]),
+                at(low[0], high[1]),
+            ],
         ]
     }
 
@@ -158,7 +163,10 @@ mod tests {
         assert_eq!(found.len(), 1);
         let surface = found[0];
         assert_eq!(surface.height, 0.85);
-        assert!(surface.low[1] >= 0.5 && surface.high[1] > 1.15, "{surface:?}");
+        assert!(
+            surface.low[1] >= 0.5 && surface.high[1] > 1.15,
+            "{surface:?}"
+        );
         assert!(surfaces(&corners, &[top], 0.9, 1.2).is_empty());
     }
 

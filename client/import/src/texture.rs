@@ -53,19 +53,27 @@ fn decode_png(bytes: &[u8]) -> Result<Image, String> {
     let mut reader = decoder.read_info().map_err(|error| error.to_string())?;
     let (width, height) = (reader.info().width as usize, reader.info().height as usize);
     if width > MOST || height > MOST {
-        return Err(format!("{width} x {height} pixels, at most {MOST} along a side are read"));
+        return Err(format!(
+            "{width} x {height} pixels, at most {MOST} along a side are read"
+        ));
     }
     let size = reader.output_buffer_size().ok_or("it is too large")?;
     let mut buffer = vec![0; size];
-    let frame = reader.next_frame(&mut buffer).map_err(|error| error.to_string())?;
+    let frame = reader
+        .next_frame(&mut buffer)
+        .map_err(|error| error.to_string())?;
     buffer.truncate(frame.buffer_size());
     let pixels = match frame.color_type {
         ColorType::Rgb => buffer,
-        ColorType::Rgba => buffer.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect(),
+        ColorType::Rgba => buffer
+            .chunks_exact(4)
+            .flat_map(|p| [p[0], p[1], p[2]])
+            .collect(),
         ColorType::Grayscale => buffer.iter().flat_map(|&p| [p, p, p]).collect(),
-        ColorType::GrayscaleAlpha => {
-            buffer.chunks_exact(2).flat_map(|p| [p[0], p[0], p[0]]).collect()
-        }
+        ColorType::GrayscaleAlpha => buffer
+            .chunks_exact(2)
+            .flat_map(|p| [p[0], p[0], p[0]])
+            .collect(),
         ColorType::Indexed => return Err("its palette cannot be read".into()),
     };
     checked(width, height, pixels)
@@ -73,7 +81,10 @@ fn decode_png(bytes: &[u8]) -> Result<Image, String> {
 
 fn checked(width: usize, height: usize, pixels: Vec<u8>) -> Result<Image, String> {
     if width == 0 || height == 0 || pixels.len() != 3 * width * height {
-        return Err(format!("{} bytes for {width} x {height} pixels", pixels.len()));
+        return Err(format!(
+            "{} bytes for {width} x {height} pixels",
+            pixels.len()
+        ));
     }
     Ok(Image {
         width,
@@ -90,7 +101,10 @@ pub fn square_png(image: &Image, times: usize) -> Option<Vec<u8>> {
     for y in 0..SIDE {
         let (first, last) = (y * rows / SIDE, ((y + 1) * rows).div_ceil(SIDE));
         for x in 0..SIDE {
-            let (left, right) = (x * image.width / SIDE, ((x + 1) * image.width).div_ceil(SIDE));
+            let (left, right) = (
+                x * image.width / SIDE,
+                ((x + 1) * image.width).div_ceil(SIDE),
+            );
             let mut sum = [0u64; 3];
             let mut count = 0;
             for row in first..last {
@@ -136,8 +150,21 @@ mod tests {
 
     #[test]
     fn damaged_images_are_errors() {
-        let good = square_png(&Image { width: 1, height: 1, pixels: vec![9; 3] }, 1).unwrap();
-        for bytes in [&b""[..], b"GIF89a", &good[..60], &[0xff, 0xd8, 0xff, 0xe0, 0, 4]] {
+        let good = square_png(
+            &Image {
+                width: 1,
+                height: 1,
+                pixels: vec![9; 3],
+            },
+            1,
+        )
+        .unwrap();
+        for bytes in [
+            &b""[..],
+            b"GIF89a",
+            &good[..60],
+            &[0xff, 0xd8, 0xff, 0xe0, 0, 4],
+        ] {
             assert!(decode(bytes).is_err());
         }
     }

@@ -7,25 +7,186 @@ const LONGEST: usize = 64;
 /// Dutch, Portuguese. The first match counts.
 const ROOMS: [(&str, &[&str]); 20] = [
     ("garage", &["garage", "carport", "garaje", "garagem"]),
-    ("terrace", &["terrace", "terrasse", "terraza", "terrazz", "terras", "terraco", "patio", "deck", "porch"]),
-    ("balcony", &["balcon", "balkon", "balcao", "loggia", "varanda"]),
-    ("garden", &["garden", "garten", "jardin", "giardino", "tuin", "jardim", "yard", "lawn", "pool"]),
+    (
+        "terrace",
+        &[
+            "terrace", "terrasse", "terraza", "terrazz", "terras", "terraco", "patio", "deck",
+            "porch",
+        ],
+    ),
+    (
+        "balcony",
+        &["balcon", "balkon", "balcao", "loggia", "varanda"],
+    ),
+    (
+        "garden",
+        &[
+            "garden", "garten", "jardin", "giardino", "tuin", "jardim", "yard", "lawn", "pool",
+        ],
+    ),
     ("roof", &["roof", "dach", "toit", "tejado", "tetto"]),
-    ("bathroom", &["bath", "bad", "salle de bain", "salle d'eau", "bano", "bagno", "banheiro", "shower", "dusche", "douche"]),
+    (
+        "bathroom",
+        &[
+            "bath",
+            "bad",
+            "salle de bain",
+            "salle d'eau",
+            "bano",
+            "bagno",
+            "banheiro",
+            "shower",
+            "dusche",
+            "douche",
+        ],
+    ),
     ("toilet", &["toilet", "wc", "restroom", "aseo", "klo"]),
-    ("kitchen", &["kitchen", "kuche", "kueche", "cuisine", "cocina", "cucina", "keuken", "cozinha", "kochen"]),
-    ("dining_room", &["dining", "esszimmer", "essen", "salle a manger", "comedor", "pranzo", "eetkamer", "jantar"]),
-    ("living_room", &["living", "wohn", "salon", "sejour", "estar", "soggiorno", "woonkamer", "sala", "lounge", "family room", "stube"]),
-    ("children_room", &["child", "kinder", "enfant", "nino", "bambin", "nursery", "kids", "crianca"]),
-    ("bedroom", &["bedr", "bed room", "schlaf", "chambre", "dormitor", "habitacion", "camera", "letto", "slaapkamer", "quarto", "guest", "gast"]),
-    ("office", &["office", "buro", "buero", "bureau", "study", "arbeits", "oficina", "despacho", "studio", "kantoor", "escritorio"]),
-    ("laundry", &["laundry", "wasch", "buanderie", "lavander", "utility", "hauswirtschaft"]),
-    ("dressing_room", &["dressing", "wardrobe", "ankleide", "closet", "vestidor", "armario", "cabina"]),
-    ("storage", &["storage", "store", "abstell", "lager", "cellier", "debarras", "pantry", "speise", "trastero", "despensa", "ripostiglio", "berging"]),
-    ("attic", &["attic", "dachboden", "grenier", "atico", "soffitta", "zolder"]),
-    ("cellar", &["cellar", "keller", "cave", "basement", "sotano", "cantina", "kelder"]),
-    ("corridor", &["corridor", "gang", "couloir", "pasillo", "corridoio", "corredor", "landing", "degagement"]),
-    ("hall", &["hall", "flur", "diele", "entree", "entrance", "entry", "eingang", "entrada", "ingresso", "foyer", "vestibul"]),
+    (
+        "kitchen",
+        &[
+            "kitchen", "kuche", "kueche", "cuisine", "cocina", "cucina", "keuken", "cozinha",
+            "kochen",
+        ],
+    ),
+    (
+        "dining_room",
+        &[
+            "dining",
+            "esszimmer",
+            "essen",
+            "salle a manger",
+            "comedor",
+            "pranzo",
+            "eetkamer",
+            "jantar",
+        ],
+    ),
+    (
+        "living_room",
+        &[
+            "living",
+            "wohn",
+            "salon",
+            "sejour",
+            "estar",
+            "soggiorno",
+            "woonkamer",
+            "sala",
+            "lounge",
+            "family room",
+            "stube",
+        ],
+    ),
+    (
+        "children_room",
+        &[
+            "child", "kinder", "enfant", "nino", "bambin", "nursery", "kids", "crianca",
+        ],
+    ),
+    (
+        "bedroom",
+        &[
+            "bedr",
+            "bed room",
+            "schlaf",
+            "chambre",
+            "dormitor",
+            "habitacion",
+            "camera",
+            "letto",
+            "slaapkamer",
+            "quarto",
+            "guest",
+            "gast",
+        ],
+    ),
+    (
+        "office",
+        &[
+            "office",
+            "buro",
+            "buero",
+            "bureau",
+            "study",
+            "arbeits",
+            "oficina",
+            "despacho",
+            "studio",
+            "kantoor",
+            "escritorio",
+        ],
+    ),
+    (
+        "laundry",
+        &[
+            "laundry",
+            "wasch",
+            "buanderie",
+            "lavander",
+            "utility",
+            "hauswirtschaft",
+        ],
+    ),
+    (
+        "dressing_room",
+        &[
+            "dressing", "wardrobe", "ankleide", "closet", "vestidor", "armario", "cabina",
+        ],
+    ),
+    (
+        "storage",
+        &[
+            "storage",
+            "store",
+            "abstell",
+            "lager",
+            "cellier",
+            "debarras",
+            "pantry",
+            "speise",
+            "trastero",
+            "despensa",
+            "ripostiglio",
+            "berging",
+        ],
+    ),
+    (
+        "attic",
+        &[
+            "attic",
+            "dachboden",
+            "grenier",
+            "atico",
+            "soffitta",
+            "zolder",
+        ],
+    ),
+    (
+        "cellar",
+        &[
+            "cellar", "keller", "cave", "basement", "sotano", "cantina", "kelder",
+        ],
+    ),
+    (
+        "corridor",
+        &[
+            "corridor",
+            "gang",
+            "couloir",
+            "pasillo",
+            "corridoio",
+            "corredor",
+            "landing",
+            "degagement",
+        ],
+    ),
+    (
+        "hall",
+        &[
+            "hall", "flur", "diele", "entree", "entrance", "entry", "eingang", "entrada",
+            "ingresso", "foyer", "vestibul",
+        ],
+    ),
 ];
 
 /// Kinds of rooms that are outside, or not lived in: no start of the chair.
@@ -43,7 +204,11 @@ pub struct Category {
 }
 
 const fn category(word: &'static str, carries: bool, names: &'static [&'static str]) -> Category {
-    Category { word, carries, names }
+    Category {
+        word,
+        carries,
+        names,
+    }
 }
 
 /// Categories; the first match counts.
@@ -271,19 +436,35 @@ mod tests {
             ("", "Kühlschrank", "fridge"),
             ("", "xyz", "furniture"),
         ] {
-            assert_eq!(category_of(catalogue, name).word, word, "{catalogue} {name}");
+            assert_eq!(
+                category_of(catalogue, name).word,
+                word,
+                "{catalogue} {name}"
+            );
         }
     }
 
     #[test]
     fn names_follow_the_contract() {
-        for text in ["Fridge & Freezer", "Büro-Tisch Ø 80", "日本", "", &"long ".repeat(40)] {
+        for text in [
+            "Fridge & Freezer",
+            "Büro-Tisch Ø 80",
+            "日本",
+            "",
+            &"long ".repeat(40),
+        ] {
             let name = slug(text, 40);
             assert!(name.len() <= 40);
-            assert!(name.is_empty() || wheelarm_proto::keys::check_name(&name).is_ok(), "{name}");
+            assert!(
+                name.is_empty() || wheelarm_proto::keys::check_name(&name).is_ok(),
+                "{name}"
+            );
         }
         assert_eq!(slug("Fridge & Freezer", 40), "fridge_freezer");
-        assert_eq!(slug(&split_camel("kitchenUpperCabinet"), 64), "kitchen_upper_cabinet");
+        assert_eq!(
+            slug(&split_camel("kitchenUpperCabinet"), 64),
+            "kitchen_upper_cabinet"
+        );
     }
 
     #[test]

@@ -86,12 +86,12 @@ pub fn parse(bytes: &[u8]) -> Result<Element, String> {
 fn element(start: &BytesStart<'_>) -> Result<Element, String> {
     let name = start.name();
     let mut element = Element {
-        name: text(name.as_ref())?,
+        name: name.as_ref().to_owned(),
         ..Element::default()
     };
     for attribute in start.attributes() {
         let attribute = attribute.map_err(|error| error.to_string())?;
-        let key = text(attribute.key.as_ref())?;
+        let key = attribute.key.as_ref().to_owned();
         let value = attribute
             .normalized_value(XmlVersion::Implicit1_0)
             .map_err(|error| format!("attribute {key:?}: {error}"))?;

@@ -15,6 +15,8 @@ pub(crate) use load_normals::box_uvs;
 
 use nalgebra::{Isometry3, Vector3};
 
+pub use wheelarm_pack::Family;
+
 /// A solid or a surface in its own frame, metres. Axes of symmetry are z.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
@@ -124,56 +126,6 @@ pub struct Material {
     pub family: Option<Family>,
     /// Share of transmitted light, with an appearance.
     pub transmission: f32,
-}
-
-/// Families of materials.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-#[expect(missing_docs, reason = "the names are self-explanatory")]
-pub enum Family {
-    Wall,
-    Ceiling,
-    Floor,
-    Wood,
-    Cabinet,
-    Stone,
-    Fabric,
-    Metal,
-    Plastic,
-    Ceramic,
-    Art,
-    Fruit,
-    Flower,
-    Plant,
-    /// Shades of lamps.
-    Lamp,
-    /// The view through the windows.
-    Outdoors,
-}
-
-impl Family {
-    /// Its name in files.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Wall => "wall",
-            Self::Ceiling => "ceiling",
-            Self::Floor => "floor",
-            Self::Wood => "wood",
-            Self::Cabinet => "cabinet",
-            Self::Stone => "stone",
-            Self::Fabric => "fabric",
-            Self::Metal => "metal",
-            Self::Plastic => "plastic",
-            Self::Ceramic => "ceramic",
-            Self::Art => "art",
-            Self::Fruit => "fruit",
-            Self::Flower => "flower",
-            Self::Plant => "plant",
-            Self::Lamp => "lamp",
-            Self::Outdoors => "outdoors",
-        }
-    }
 }
 
 /// A procedural texture, 512 x 512.

@@ -77,7 +77,9 @@ pub fn passage(openings: &[&Opening], walls: &[StraightWall], rooms: &[PlanRoom]
         let far = 0.5 * wall.thickness + BESIDE;
         [-far, far].iter().all(|off| {
             let beside = [at[0] - y * off, at[1] + x * off];
-            rooms.iter().any(|room| polygon::contains(&room.outline, beside))
+            rooms
+                .iter()
+                .any(|room| polygon::contains(&room.outline, beside))
         })
     };
     if openings.iter().all(leads) {
@@ -179,8 +181,8 @@ pub fn baseboards(
             }
             let colour = baseboard.colour.or(cover.colour).unwrap_or(WALL);
             let material = paints.colour(colour, None, 0.5);
-            for (from, to) in gaps(index, wall, openings, baseboard) {
-                parts.push(board(wall, sign, baseboard, (from, to), &material));
+            for along in gaps(index, wall, openings, baseboard) {
+                parts.push(board(wall, sign, baseboard, along, &material));
             }
         }
     }

@@ -107,18 +107,6 @@ impl<'a> Kinds<'a> {
         }
     }
 
-    /// The archive, for other contents.
-    pub fn archive(&mut self) -> &mut Archive {
-        self.archive
-    }
-
-    /// Adds a kind that is made of parts.
-    pub fn add(&mut self, name: &str, kind: KindFile) -> String {
-        let name = self.names.give(name, "kind");
-        self.kinds.insert(name.clone(), kind);
-        name
-    }
-
     /// The kind of a piece.
     ///
     /// # Errors
@@ -191,7 +179,8 @@ impl<'a> Kinds<'a> {
             (Passage::Open, _) => joints(model, &fitted),
             (Passage::None, Joints::All) if piece.kind == PieceKind::Furniture => {
                 let all = joints(model, &fitted).into_iter();
-                all.filter(|joint| is_useful(joint, model, &fitted)).collect()
+                all.filter(|joint| is_useful(joint, model, &fitted))
+                    .collect()
             }
             _ => Vec::new(),
         };
@@ -220,7 +209,10 @@ impl<'a> Kinds<'a> {
         }
         let triangles = self.store(&name, &mut parts);
         let solids = collision(piece, category, passage, model, &fitted, &carcass);
-        let corners: Vec<[Point3; 3]> = carcass.iter().map(|&i| corners(model, &fitted, i)).collect();
+        let corners: Vec<[Point3; 3]> = carcass
+            .iter()
+            .map(|&i| corners(model, &fitted, i))
+            .collect();
         let foot = piece.elevation * METRES;
         let measured = if passage == Passage::None && category.carries {
             surfaces(&corners, &solids, SURFACES.0 - foot, SURFACES.1 - foot)
@@ -236,20 +228,34 @@ impl<'a> Kinds<'a> {
                 friction: Some(FRICTION),
                 parts: parts.into_iter().map(|part| part.entry).collect(),
                 collision: Some(solids.iter().map(shape).collect()),
-                surfaces: measured.iter().enumerate().map(|(i, s)| surface(i, s)).collect(),
+                surfaces: measured
+                    .iter()
+                    .enumerate()
+                    .map(|(i, s)| surface(i, s))
+                    .collect(),
                 ..KindFile::default()
             },
         );
         let mut leaves = Vec::new();
         for (joint, mut parts) in found.iter().zip(leaf_parts) {
-            let word = if joint.kind == JointKind::Hinge { "door" } else { "drawer" };
-            let leaf = self.names.give(&format!("{name}_{word}_{}", joint.number), word);
+            let word = if joint.kind == JointKind::Hinge {
+                "door"
+            } else {
+                "drawer"
+            };
+            let leaf = self
+                .names
+                .give(&format!("{name}_{word}_{}", joint.number), word);
             let triangles = self.store(&leaf, &mut parts);
             self.triangles.insert(leaf.clone(), triangles);
             let entry = leaf_kind(joint, model, &fitted, parts);
             self.kinds.insert(leaf.clone(), entry);
             let at = rounded3(origin(joint, model, &fitted));
-            leaves.push(Leaf { kind: leaf, word, at });
+            leaves.push(Leaf {
+                kind: leaf,
+                word,
+                at,
+            });
         }
         Ok(Built {
             kind: name,
@@ -267,7 +273,8 @@ impl<'a> Kinds<'a> {
             let hash = *blake3::hash(&part.bytes).as_bytes();
             let path = self.contents.entry(hash).or_insert_with(|| {
                 let path = format!("meshes/{name}_{number}.glb");
-                self.meshes.insert(path.clone(), std::mem::take(&mut part.bytes));
+                self.meshes
+                    .insert(path.clone(), std::mem::take(&mut part.bytes));
                 path
             });
             part.entry.mesh = Some(MeshEntry {
@@ -379,13 +386,21 @@ impl Painter<'_> {
     /// The material of a part, and whether the mesh's texture coordinates count.
     fn material(&mut self, index: usize) -> Result<(String, bool), ImportError> {
         let material = &self.model.materials[index];
-        let change = self.piece.materials.iter().find(|change| change.name == material.name);
+        let change = self
+            .piece
+            .materials
+            .iter()
+            .find(|change| change.name == material.name);
         let family = family_of(&material.name);
         let shininess = change
             .and_then(|change| change.shininess)
             .or(self.piece.shininess)
             .unwrap_or(material.shininess);
-        let base = if family == Some(Family::Metal) { 0.35 } else { 0.65 };
+        let base = if family == Some(Family::Metal) {
+            0.35
+        } else {
+            0.65
+        };
         let roughness = (base - 0.4 * shininess).max(0.1);
         let texture = match change {
             Some(change) if change.texture.is_some() => change.texture.clone(),
@@ -393,19 +408,25 @@ impl Painter<'_> {
             _ => self.piece.texture.clone(),
         };
         if let Some(texture) = texture {
-            let image = self.paints.image(self.archive, &texture, family, roughness, None)?;
+            let image = self
+                .paints
+                .image(self.archive, &texture, family, roughness, None)?;
             if let Some(name) = image {
                 return Ok((name, false));
             }
         }
-        let own = change.and_then(|change| change.colour).or(self.piece.colour);
+        let own = change
+            .and_then(|change| change.colour)
+            .or(self.piece.colour);
         if let (None, Some(path)) = (own, &material.image) {
             let texture = crate::sh3d::Texture {
                 image: path.clone(),
                 width: 100.0,
                 height: 100.0,
             };
-            let image = self.paints.image(self.archive, &texture, family, roughness, Some(1.0))?;
+            let image = self
+                .paints
+                .image(self.archive, &texture, family, roughness, Some(1.0))?;
             if let Some(name) = image {
                 return Ok((name, true));
             }
@@ -425,7 +446,9 @@ impl Painter<'_> {
 }
 
 fn corners(model: &Model, fitted: &Fitted, index: usize) -> [Point3; 3] {
-    model.triangles[index].corners.map(|c| fitted.points[c as usize])
+    model.triangles[index]
+        .corners
+        .map(|c| fitted.points[c as usize])
 }
 
 /// Whether a leaf is worth a joint: an upright or level hinge across the front, or a rail
@@ -460,7 +483,11 @@ fn leaf_kind(joint: &Joint, model: &Model, fitted: &Fitted, parts: Vec<Part>) ->
         .copied()
         .filter(|index| joint.handle.binary_search(index).is_err())
         .collect();
-    let panel = if panel.is_empty() { &joint.leaf } else { &panel };
+    let panel = if panel.is_empty() {
+        &joint.leaf
+    } else {
+        &panel
+    };
     let (low, high) = extent(model, fitted, panel);
     let (low, high) = (relative(low), relative(high));
     let mut shapes = Vec::new();
@@ -513,7 +540,11 @@ fn leaf_kind(joint: &Joint, model: &Model, fitted: &Fitted, parts: Vec<Part>) ->
     });
     let slides = joint.kind == JointKind::Rail;
     KindFile {
-        category: if slides { "drawer".into() } else { "door".into() },
+        category: if slides {
+            "drawer".into()
+        } else {
+            "door".into()
+        },
         friction: Some(FRICTION),
         parts: parts.into_iter().map(|part| part.entry).collect(),
         collision: Some(shapes.iter().map(shape).collect()),
@@ -585,11 +616,17 @@ fn collision(
     }
     let is_small = size[0].max(size[1]) < 0.30 && size[2] < 0.60 && passage == Passage::None;
     if is_small {
-        let used: Vec<Point3> = carcass.iter().flat_map(|&i| corners(model, fitted, i)).collect();
+        let used: Vec<Point3> = carcass
+            .iter()
+            .flat_map(|&i| corners(model, fitted, i))
+            .collect();
         let (low, high) = bounds(&used);
         return vec![Solid::cuboid(low, high)];
     }
-    let triangles: Vec<[u32; 3]> = carcass.iter().map(|&i| model.triangles[i].corners).collect();
+    let triangles: Vec<[u32; 3]> = carcass
+        .iter()
+        .map(|&i| model.triangles[i].corners)
+        .collect();
     solids(&fitted.points, &triangles)
 }
 
@@ -629,7 +666,11 @@ pub(super) fn shape(solid: &Solid) -> PartEntry {
 fn surface(index: usize, surface: &Surface) -> SurfaceEntry {
     let (low, high) = (surface.low, surface.high);
     SurfaceEntry {
-        name: if index == 0 { "top".into() } else { format!("level_{index}") },
+        name: if index == 0 {
+            "top".into()
+        } else {
+            format!("level_{index}")
+        },
         edge: rounded3([high[0], 0.5 * (low[1] + high[1]), surface.height]),
         inwards_deg: 180.0,
         depth: rounded(high[0] - low[0]),

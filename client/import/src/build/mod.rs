@@ -231,11 +231,11 @@ fn unwritable(path: &str, error: &dyn std::fmt::Display) -> ImportError {
 }
 
 /// Places pieces.
-struct Placer<'a, 'b> {
+struct Placer<'a, 'b, 'k> {
     plan: &'a Plan<'b>,
     rooms: &'a [PlanRoom],
     options: &'a Options,
-    kinds: Kinds<'a>,
+    kinds: Kinds<'k>,
     paints: &'a mut Paints,
     names: Names,
     pieces: Vec<PieceEntry>,
@@ -245,52 +245,68 @@ struct Placer<'a, 'b> {
     summary: &'a mut Summary,
 }
 
-impl Placer<'_, '_> {
+impl Placer<'_, '_, '_> {
     /// Places a piece, or notes why not. Returns its name.
     fn piece(&mut self, piece: &Piece, passage: Passage) -> Result<Option<String>, ImportError> {
-        let label = if piece.name.is_empty() { "without a name" } else { &piece.name };
-        let mut leave = |reason: String| {
-            self.summary.left_out.push(LeftOut {
-                name: label.to_owned(),
-                reason,
-            });
-        };
-        if !self.plan.is_on(piece.level.as_deref()) {
-            leave(match self.level_of(piece) {
-                "" => "it is on no level".into(),
-                level => format!("it is on level {level:?}"),
-            });
-            return Ok(None);
-        }
-        if !piece.visible {
-            leave("it is hidden in the file".into());
-            return Ok(None);
-        }
         let category = words::category_of(&piece.catalogue, &piece.name);
-        let without = self.options.without.iter();
-        let mut without = without.filter(|word| words::is_of(word, category.word, &piece.name));
-        if let Some(word) = without.next().filter(|_| passage == Passage::None) {
-            leave(format!("--without {word}"));
+        if let Some(reason) = self.reason_to_leave(piece, category, passage) {
+            self.leave(piece, reason);
             return Ok(None);
         }
         let built = match self.kinds.of(self.paints, piece, category, passage)? {
             Ok(built) => built,
             Err(error) => {
-                leave(error.to_string());
+                self.leave(piece, error.to_string());
                 return Ok(None);
             }
         };
         if built.is_blocked {
-            leave("its model has no leaf that can be taken out; the opening stays free".into());
+            let reason = "its model has no leaf that can be taken out; the opening stays free";
+            self.leave(piece, reason.into());
             return Ok(None);
         }
         Ok(Some(self.place(piece, category, &built)))
     }
 
+    fn leave(&mut self, piece: &Piece, reason: String) {
+        let name = if piece.name.is_empty() {
+            "without a name"
+        } else {
+            &piece.name
+        };
+        self.summary.left_out.push(LeftOut {
+            name: name.to_owned(),
+            reason,
+        });
+    }
+
+    fn reason_to_leave(
+        &self,
+        piece: &Piece,
+        category: Category,
+        passage: Passage,
+    ) -> Option<String> {
+        if !self.plan.is_on(piece.level.as_deref()) {
+            return Some(match self.level_of(piece) {
+                "" => "it is on no level".into(),
+                level => format!("it is on level {level:?}"),
+            });
+        }
+        if !piece.visible {
+            return Some("it is hidden in the file".into());
+        }
+        let mut without = self.options.without.iter();
+        let word = without.find(|word| words::is_of(word, category.word, &piece.name));
+        let word = word.filter(|_| passage == Passage::None)?;
+        Some(format!("--without {word}"))
+    }
+
     fn level_of(&self, piece: &Piece) -> &str {
         let id = piece.level.as_deref().unwrap_or_default();
         let mut levels = self.plan.home.levels.iter();
-        levels.find(|level| level.id == id).map_or("", |level| level.name.as_str())
+        levels
+            .find(|level| level.id == id)
+            .map_or("", |level| level.name.as_str())
     }
 
     fn place(&mut self, piece: &Piece, category: Category, built: &Built) -> String {
@@ -300,13 +316,22 @@ impl Placer<'_, '_> {
             category.word.to_owned()
         };
         // `wall_0`, `wall_1`, … are the walls.
-        let word = if word.starts_with("wall") { "furniture" } else { &word };
+        let word = if word.starts_with("wall") {
+            "furniture"
+        } else {
+            &word
+        };
         let name = self.names.give(word, "furniture");
         let [x, y] = self.plan.place(piece.at);
         let at = rounded3([x, y, piece.elevation * METRES]);
         let yaw_deg = yaw_deg(piece.angle);
         let (sin, cos) = exact::sin_cos(yaw_deg.to_radians());
-        let turn = |p: Point| [at[0] + cos * p[0] - sin * p[1], at[1] + sin * p[0] + cos * p[1]];
+        let turn = |p: Point| {
+            [
+                at[0] + cos * p[0] - sin * p[1],
+                at[1] + sin * p[0] + cos * p[1],
+            ]
+        };
         let room = self.room_at([x, y]);
         let mut entry = piece_entry(&name, &built.kind, at, yaw_deg);
         entry.room = room.clone();
@@ -326,9 +351,14 @@ impl Placer<'_, '_> {
             entry.room = room.clone();
             self.pieces.push(entry);
         }
-        let source = (piece.creator.clone().unwrap_or_default(), piece.license.clone());
+        let source = (
+            piece.creator.clone().unwrap_or_default(),
+            piece.license.clone(),
+        );
         for kind in std::iter::once(&built.kind).chain(built.leaves.iter().map(|l| &l.kind)) {
-            self.sources.entry(kind.clone()).or_insert_with(|| source.clone());
+            self.sources
+                .entry(kind.clone())
+                .or_insert_with(|| source.clone());
         }
         self.summary.placed += 1;
         name
@@ -435,8 +465,12 @@ fn start_and_camera(
         let Some(start) = floor.start(&room.outline) else {
             continue;
         };
-        let is_better = best.as_ref().is_none_or(|(_, known)| start.free > known.free + 0.1);
-        let needed = best.as_ref().is_none_or(|(_, known)| known.free < 2.0 * CHAIR);
+        let is_better = best
+            .as_ref()
+            .is_none_or(|(_, known)| start.free > known.free + 0.1);
+        let needed = best
+            .as_ref()
+            .is_none_or(|(_, known)| known.free < 2.0 * CHAIR);
         if needed && is_better {
             best = Some((room, start));
         }
@@ -450,7 +484,11 @@ fn start_and_camera(
     }
     let (low, high) = polygon::bounds(&room.outline);
     let middle = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])];
-    let target = if polygon::contains(&room.outline, middle) { middle } else { start.at };
+    let target = if polygon::contains(&room.outline, middle) {
+        middle
+    } else {
+        start.at
+    };
     let [x, y] = rounded2(floor.camera(&room.outline, target));
     let look = [target[0], target[1], 0.7];
     let height = (plan.height - 0.35).clamp(1.2, 2.1);
@@ -515,7 +553,9 @@ fn manifest(
     }];
     let mut unknown: BTreeSet<&str> = BTreeSet::new();
     for (kind, (creator, stated)) in sources {
-        let own = stated.as_deref().map(|text| words::spdx(text).unwrap_or(UNKNOWN));
+        let own = stated
+            .as_deref()
+            .map(|text| words::spdx(text).unwrap_or(UNKNOWN));
         // Models in a home with a license are part of it, unless they state their own.
         let license = own.unwrap_or(license);
         if license == UNKNOWN {

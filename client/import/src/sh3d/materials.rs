@@ -184,7 +184,10 @@ mod tests {
     fn copies_of_a_material_have_its_colour() {
         assert_eq!(default_colour("white"), Some([255, 255, 255]));
         assert_eq!(default_colour("white.001"), default_colour("white"));
-        assert_eq!(default_colour("offwhite.warm").map(|c| c[0] > c[2]), Some(true));
+        assert_eq!(
+            default_colour("offwhite.warm").map(|c| c[0] > c[2]),
+            Some(true)
+        );
         assert_eq!(default_colour("no such material"), None);
     }
 

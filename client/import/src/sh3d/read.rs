@@ -111,10 +111,7 @@ fn texture(at: &Reader<'_>) -> Result<Option<Texture>, ImportError> {
 }
 
 /// The texture among the children, with the given `attribute` when there are several.
-fn texture_of(
-    at: &Reader<'_>,
-    attribute: Option<&str>,
-) -> Result<Option<Texture>, ImportError> {
+fn texture_of(at: &Reader<'_>, attribute: Option<&str>) -> Result<Option<Texture>, ImportError> {
     for element in at.element.all("texture") {
         if attribute.is_none() || element.attribute("attribute") == attribute {
             return texture(&Reader {

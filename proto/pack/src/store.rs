@@ -1,0 +1,143 @@
+//! Packs in folders: by name, and by digest.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::digest::{Digest, to_hex};
+use crate::error::{PackError, Place};
+use crate::{Pack, PackName};
+
+/// Environment variable with folders of packs, separated as in `PATH`.
+pub const PACKS_VARIABLE: &str = "WHEELARM_PACKS";
+
+/// Separates the name of a pack from its digest in the name of a stored file.
+const AT: char = '@';
+
+/// Folders in which packs are searched, in this order. A folder contains packs as folders
+/// `NAME` and zip files `NAME.zip` or `NAME@DIGEST.zip`; it may also be a pack itself.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Store {
+    folders: Vec<PathBuf>,
+}
+
+impl Store {
+    /// A store of these folders; folders that do not exist are empty.
+    #[must_use]
+    pub fn new(folders: Vec<PathBuf>) -> Self {
+        Self { folders }
+    }
+
+    /// Its folders.
+    #[must_use]
+    pub fn folders(&self) -> &[PathBuf] {
+        &self.folders
+    }
+
+    /// Paths of packs with their names, in the order of the search. They are not opened.
+    #[must_use]
+    pub fn candidates(&self) -> Vec<(String, PathBuf)> {
+        let mut found = Vec::new();
+        for folder in &self.folders {
+            if folder.join("pack.toml").is_file() {
+                if let Some(name) = name_of(folder) {
+                    found.push((name, folder.clone()));
+                }
+                continue;
+            }
+            let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+            let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+            paths.sort();
+            found.extend(paths.into_iter().filter_map(|path| {
+                let is_zip = path.extension().is_some_and(|ending| ending == "zip");
+                let is_pack = is_zip || path.join("pack.toml").is_file();
+                Some((name_of(&path).filter(|_| is_pack)?, path))
+            }));
+        }
+        found
+    }
+
+    /// Names of the packs, sorted. They are not opened.
+    #[must_use]
+    pub fn names(&self) -> BTreeSet<String> {
+        self.candidates()
+            .into_iter()
+            .map(|(name, _)| name)
+            .collect()
+    }
+
+    /// Opens the first pack of this name; `None` when there is none.
+    ///
+    /// # Errors
+    /// [`PackError`] when that pack is not valid.
+    pub fn open(&self, name: &str) -> Result<Option<Pack>, PackError> {
+        let mut candidates = self.candidates().into_iter();
+        let Some((_, path)) = candidates.find(|(found, _)| found == name) else {
+            return Ok(None);
+        };
+        let pack = Pack::open(&path)?;
+        if pack.id().name != name {
+            return Err(Place::file("pack.toml").key("name").wrong(
+                format!("{:?}", pack.id().name),
+                format!("{name:?}, as {}", path.display()),
+                "rename the folder or correct the name",
+            ));
+        }
+        Ok(Some(pack))
+    }
+
+    /// Opens the pack of this name with these digests; `None` when there is none. Packs of the
+    /// name that cannot be opened are passed over.
+    #[must_use]
+    pub fn open_exactly(&self, wanted: &PackName) -> Option<Pack> {
+        let candidates = self.candidates().into_iter();
+        candidates
+            .filter(|(name, _)| *name == wanted.name)
+            .filter_map(|(_, path)| Pack::open(&path).ok())
+            .find(|pack| {
+                (pack.id().physics, pack.id().rendering) == (wanted.physics, wanted.rendering)
+            })
+    }
+
+    /// Writes a pack as `NAME@DIGEST.zip` into a folder. A pack with equal digests is kept.
+    ///
+    /// # Errors
+    /// [`PackError`] when the file cannot be written.
+    pub fn put(folder: &Path, pack: &Pack) -> Result<PathBuf, PackError> {
+        let path = folder.join(format!(
+            "{}{AT}{}.zip",
+            pack.id().name,
+            stored_as(pack.id())
+        ));
+        if Pack::open(&path).is_ok_and(|known| known.id() == pack.id()) {
+            return Ok(path);
+        }
+        fs::create_dir_all(folder).map_err(|source| PackError::File {
+            action: "write",
+            path: folder.to_owned(),
+            source,
+        })?;
+        pack.write_zip(&path)?;
+        Ok(path)
+    }
+}
+
+/// Digits of both digests in the name of a stored file.
+fn stored_as(id: &PackName) -> String {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&id.physics);
+    hasher.update(&id.rendering);
+    let both: Digest = hasher.finalize().into();
+    to_hex(&both)[..32].to_owned()
+}
+
+fn name_of(path: &Path) -> Option<String> {
+    let name = match path.extension().is_some_and(|ending| ending == "zip") {
+        true => path.file_stem()?,
+        false => path.file_name()?,
+    };
+    let name = name.to_str()?;
+    let name = name.split_once(AT).map_or(name, |(name, _)| name);
+    wheelarm_proto::keys::check_name(name).ok()?;
+    Some(name.to_owned())
+}

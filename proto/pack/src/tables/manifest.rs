@@ -1,0 +1,40 @@
+//! Table `pack.toml`.
+
+use serde::{Deserialize, Serialize};
+
+/// Value of the key `format` that this program writes and reads.
+pub const FORMAT: u32 = 1;
+
+/// License of a source that is not known.
+pub const UNKNOWN: &str = "unknown";
+
+/// `pack.toml`: name, version and sources of a pack.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Manifest {
+    /// Version of the form of the files: [`FORMAT`].
+    pub format: u32,
+    /// Name of the pack: 1 to 64 letters, digits, `-` or `_`.
+    pub name: String,
+    /// Version of the content: 1 to 64 letters, digits, `-`, `_`, `.` or `+`.
+    pub version: String,
+    /// Authors and licenses.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub source: Vec<SourceEntry>,
+}
+
+/// Author and license of a part of a pack.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct SourceEntry {
+    /// Name of a kind or an object, or `home`.
+    pub of: String,
+    /// Author; empty when not known.
+    #[serde(default)]
+    pub author: String,
+    /// SPDX identifier, or [`UNKNOWN`].
+    pub license: String,
+    /// Where it comes from.
+    #[serde(default)]
+    pub origin: String,
+}
