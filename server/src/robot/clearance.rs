@@ -34,7 +34,9 @@ impl RobotModel {
             let moving = |joint: &&usize| self.roles.arm_index(**joint).is_some();
             Some(chain.iter().filter(moving).count())
         };
-        let depths: Vec<usize> = (0..self.links.len()).map(|l| depth(l).unwrap_or(0)).collect();
+        let depths: Vec<usize> = (0..self.links.len())
+            .map(|l| depth(l).unwrap_or(0))
+            .collect();
         let others = |link: usize| {
             let counts = |other: &usize| {
                 let (a, b) = (depths[link], depths[*other]);
@@ -108,7 +110,11 @@ fn distance(shape: &Shape, at: &Point3<f64>) -> f64 {
             half_height,
         } => {
             let across = exact::hypot(at.x, at.y) - radius;
-            outside(Vector3::new(across, f64::NEG_INFINITY, at.z.abs() - half_height))
+            outside(Vector3::new(
+                across,
+                f64::NEG_INFINITY,
+                at.z.abs() - half_height,
+            ))
         }
         Shape::Capsule {
             radius,

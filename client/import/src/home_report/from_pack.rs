@@ -95,11 +95,7 @@ fn openings(file: &HomeFile) -> Vec<Opening> {
     file.opening.iter().filter_map(opening).collect()
 }
 
-fn surface(
-    piece: usize,
-    entry: &FurnitureEntry,
-    surface: &wheelarm_pack::SurfaceEntry,
-) -> Surface {
+fn surface(piece: usize, entry: &FurnitureEntry, surface: &wheelarm_pack::SurfaceEntry) -> Surface {
     let yaw = wrap((entry.yaw_deg + surface.inwards_deg).to_radians());
     let edge = pose(entry.at, [0.0, 0.0, entry.yaw_deg]) * Point3::from(surface.edge);
     let (sin, cos) = exact::sin_cos(yaw);

@@ -16,7 +16,6 @@ pub mod rooms;
 pub mod surfaces;
 mod text;
 
-
 use serde::Serialize;
 use wheelarm_planning::floor_map::{DRIVE_CLEARANCE, STOP_CLEARANCE};
 

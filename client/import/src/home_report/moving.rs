@@ -60,7 +60,9 @@ pub fn test(home: &Home, robot: &RobotFacts, report: &HomeReport) -> Vec<MoveRep
     }
     pieces.sort_by_key(|(index, count)| (std::cmp::Reverse(*count), *index));
     pieces.truncate(TRIED);
-    let tried = pieces.into_iter().map(|(index, _)| without(home, robot, report, index));
+    let tried = pieces
+        .into_iter()
+        .map(|(index, _)| without(home, robot, report, index));
     let mut moves: Vec<MoveReport> = tried.filter(|m| m.gain() > 0).collect();
     moves.sort_by_key(|m| std::cmp::Reverse(m.gain()));
     moves.truncate(NAMED);
@@ -81,7 +83,11 @@ fn without(home: &Home, robot: &RobotFacts, report: &HomeReport, index: usize) -
         let is_new = report.surfaces.iter().any(|before| {
             before.strip.is_none() && before.piece == *piece && before.surface == surface.name
         });
-        if is_new && surfaces::test(&changed, &floor, robot, surface).strip.is_some() {
+        if is_new
+            && surfaces::test(&changed, &floor, robot, surface)
+                .strip
+                .is_some()
+        {
             gained.push(format!("{piece}/{}", surface.name));
         }
     }

@@ -91,7 +91,10 @@ fn table(
     for (name, words, is_good) in rows {
         let class = if is_good { "yes" } else { "no" };
         let (name, words) = (escaped(&name), escaped(&words));
-        writeln!(out, "<tr><td>{name}</td><td class=\"{class}\">{words}</td></tr>")?;
+        writeln!(
+            out,
+            "<tr><td>{name}</td><td class=\"{class}\">{words}</td></tr>"
+        )?;
     }
     out.push_str("</table>\n");
     Ok(())

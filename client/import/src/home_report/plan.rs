@@ -57,7 +57,10 @@ struct View {
 
 impl View {
     fn new(home: &Home) -> Self {
-        let corners = home.rooms.iter().flat_map(|room| room.outline.iter().copied());
+        let corners = home
+            .rooms
+            .iter()
+            .flat_map(|room| room.outline.iter().copied());
         let walls = home.solids.iter().filter(|s| s.owner == Owner::Building);
         let walls = walls.map(|solid| solid.outline.centre);
         let start = [
@@ -118,7 +121,9 @@ pub fn plan(home: &Home, finding: &Finding) -> Result<Vec<u8>, PlanError> {
     {
         let paper = BitMapBackend::with_buffer(&mut pixels, view.size).into_drawing_area();
         draw(&paper, &view, home, finding).map_err(|e| PlanError::Draw(e.to_string()))?;
-        paper.present().map_err(|e| PlanError::Draw(e.to_string()))?;
+        paper
+            .present()
+            .map_err(|e| PlanError::Draw(e.to_string()))?;
     }
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, width, height);
@@ -144,7 +149,10 @@ fn draw(paper: &Paper<'_>, view: &View, home: &Home, finding: &Finding) -> Drawn
         let colour = if place.turns { TURNS } else { DRIVEN };
         paper.draw(&plotters::element::Rectangle::new(ends, colour.filled()))?;
     }
-    let low = home.solids.iter().filter(|solid| solid.heights[0] < HEAD && solid.heights[1] > 0.03);
+    let low = home
+        .solids
+        .iter()
+        .filter(|solid| solid.heights[0] < HEAD && solid.heights[1] > 0.03);
     let (walls, pieces): (Vec<&Solid>, Vec<&Solid>) = low.partition(|s| s.owner == Owner::Building);
     for (solids, colour) in [(pieces, PIECE), (walls, WALL)] {
         for solid in solids {
@@ -153,12 +161,20 @@ fn draw(paper: &Paper<'_>, view: &View, home: &Home, finding: &Finding) -> Drawn
     }
     for (surface, found) in home.surfaces.iter().zip(&report.surfaces) {
         let mut corners: Vec<_> = surface.corners().iter().map(|at| view.at(*at)).collect();
-        let colour = if found.strip.is_some() { REACHED } else { MISSED };
+        let colour = if found.strip.is_some() {
+            REACHED
+        } else {
+            MISSED
+        };
         paper.draw(&Polygon::new(corners.clone(), colour.mix(0.8).filled()))?;
         corners.extend(corners.first().copied());
         paper.draw(&PathElement::new(corners, INK.stroke_width(1)))?;
     }
-    for strip in report.surfaces.iter().filter_map(|found| found.strip.as_ref()) {
+    for strip in report
+        .surfaces
+        .iter()
+        .filter_map(|found| found.strip.as_ref())
+    {
         if let Some([x, y, _]) = strip.stops.get(strip.stops.len() / 2) {
             let (stop, edge) = (view.at([*x, *y]), view.at([strip.edge[0], strip.edge[1]]));
             paper.draw(&PathElement::new(vec![stop, edge], STOP.stroke_width(2)))?;

@@ -3,7 +3,6 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
 use serde::Deserialize;
 use wheelarm_planning::footprint_check::Outline;
 use wheelarm_planning::reach_map::{FILE_BYTES, ReachMap, ReachMapError};
@@ -16,7 +15,7 @@ const MOST_BYTES: u64 = 1 << 20;
 const FURTHEST: f64 = 0.80;
 
 /// Posture of the arm while the chair drives.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Posture {
     /// Stowed beside the seat.
     #[default]
@@ -33,6 +32,16 @@ impl Posture {
             Self::Travel => "travel",
             Self::Home => "home",
         }
+    }
+}
+
+impl std::str::FromStr for Posture {
+    type Err = String;
+
+    fn from_str(word: &str) -> Result<Self, String> {
+        let all = [Self::Travel, Self::Home];
+        let found = all.into_iter().find(|posture| posture.name() == word);
+        found.ok_or_else(|| format!("unknown posture {word:?}; available: travel, home"))
     }
 }
 

@@ -195,8 +195,13 @@ pub fn test(home: &Home, floor: &Floor, robot: &RobotFacts, surface: &Surface) -
     }
     let (share, strip) = best.map_or((0.0, None), |(_, share, strip)| (share, Some(strip)));
     let is_reached = strip.is_some();
-    search.blockers.sort_by_key(|(owner, count)| (std::cmp::Reverse(*count), *owner));
-    let names = search.blockers.iter().map(|(owner, _)| home.owner_name(*owner));
+    search
+        .blockers
+        .sort_by_key(|(owner, count)| (std::cmp::Reverse(*count), *owner));
+    let names = search
+        .blockers
+        .iter()
+        .map(|(owner, _)| home.owner_name(*owner));
     let room = home.room_at(surface.centre);
     SurfaceReport {
         piece: home.owner_name(Owner::Piece(surface.piece)).to_owned(),
@@ -334,9 +339,9 @@ impl Search<'_> {
             self.reason = reason;
             self.blockers.clear();
         }
-        let Some(owner) = owner.filter(|owner| {
-            reason == self.reason && *owner != Owner::Piece(self.surface.piece)
-        }) else {
+        let Some(owner) = owner
+            .filter(|owner| reason == self.reason && *owner != Owner::Piece(self.surface.piece))
+        else {
             return;
         };
         match self.blockers.iter_mut().find(|(other, _)| *other == owner) {
@@ -363,7 +368,10 @@ fn reaches_over(reach: &ReachMap, distance: f64, height: f64, direction: f64) ->
             let (down, level) = exact::sin_cos(pitch);
             let (aside, ahead) = exact::sin_cos(direction);
             // Back along the hand.
-            let [x, y] = [distance - STANDOFF * level * ahead, STANDOFF * level * aside];
+            let [x, y] = [
+                distance - STANDOFF * level * ahead,
+                STANDOFF * level * aside,
+            ];
             let far = exact::hypot(x, y);
             let turned = wrap(direction + exact::atan2(y, x));
             gets_to(distance, height, pitch, direction)
@@ -415,13 +423,21 @@ mod tests {
             assert!(points.len() >= 4, "{points:?}");
             let sum: f64 = points.iter().sum();
             assert!(sum.abs() < 1e-9, "points lie evenly about the middle");
-            assert!(points.iter().all(|at| at.abs() <= edge.width / 2.0 - END + 1e-9));
+            assert!(
+                points
+                    .iter()
+                    .all(|at| at.abs() <= edge.width / 2.0 - END + 1e-9)
+            );
         }
         let small = Surface {
             size: [0.12, 0.12],
             ..surface
         };
-        assert!(Edge::all(&small).iter().all(|edge| edge.points().is_empty()));
+        assert!(
+            Edge::all(&small)
+                .iter()
+                .all(|edge| edge.points().is_empty())
+        );
     }
 
     #[test]
