@@ -22,7 +22,7 @@ pub use roles::{ARM_JOINTS, RecordedFrame, RecordedJoint, Roles};
 pub use settings::{
     ArmSettings, CameraMount, CameraTolerance, CorridorSettings, DriveSettings, FrameRole,
     GripperSettings, ImuSettings, JointRole, OutlineSettings, ReachSettings, SeatSettings,
-    Settings,
+    Settings, TravelSettings,
 };
 
 /// A robot loaded from a URDF and its `robot.toml`.

@@ -16,6 +16,9 @@ pub mod rooms;
 pub mod surfaces;
 mod text;
 
+#[cfg(test)]
+mod tests;
+
 use serde::Serialize;
 use wheelarm_planning::floor_map::{DRIVE_CLEARANCE, STOP_CLEARANCE};
 

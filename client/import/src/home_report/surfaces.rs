@@ -50,10 +50,10 @@ pub enum Reason {
     TooSmall,
     /// The arm reaches no hand at this height.
     OutOfReach,
-    /// No free floor before the surface.
-    NoFloor,
     /// Something stands between the arm and the surface.
     Covered,
+    /// No free floor before the surface.
+    NoFloor,
     /// Free floor, but the chair does not get there.
     NotConnected,
 }
@@ -280,20 +280,20 @@ impl Search<'_> {
 
     /// Whether the chair may stop at `pose` to reach `point`.
     fn is_stop(&mut self, pose: &Pose2, point: [f64; 2]) -> bool {
-        if !self.floor.stops.is_free(pose) {
-            let blocker = match self.reason <= Reason::NoFloor {
-                true => self.collision(pose),
-                false => None,
-            };
-            self.note(Reason::NoFloor, blocker);
-            return false;
-        }
         let mount = self.robot.reach.mount().translation;
         let base = pose.point(mount.x, mount.y);
         let way = segment(base, point);
         let covered = self.above.iter().find(|solid| solid.outline.overlaps(&way));
         if let Some(owner) = covered.map(|solid| solid.owner) {
             self.note(Reason::Covered, Some(owner));
+            return false;
+        }
+        if !self.floor.stops.is_free(pose) {
+            let blocker = match self.reason <= Reason::NoFloor {
+                true => self.collision(pose),
+                false => None,
+            };
+            self.note(Reason::NoFloor, blocker);
             return false;
         }
         // The chair arrives on a straight segment.
