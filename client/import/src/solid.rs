@@ -134,7 +134,7 @@ pub fn solids(points: &[Point3], triangles: &[[u32; 3]]) -> Vec<Solid> {
     fill(&grid, &mut layers, &faces);
     let plates = share_faces(&grid, &mut layers, faces);
     let mut limits = Limits {
-        share: 0.85,
+        share: 0.93,
         slack: 0.003,
         differ: 0.08,
     };
