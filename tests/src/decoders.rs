@@ -203,6 +203,16 @@ pub fn glb(bytes: &[u8]) {
     let _ = mesh::load(&Scratch::new("mesh.glb", bytes).path);
 }
 
+/// A home of Sweet Home 3D: the whole archive, and the same bytes as the text in one.
+pub fn home(bytes: &[u8]) {
+    let options = wheelarm_import::Options {
+        name: "home".to_owned(),
+        ..wheelarm_import::Options::default()
+    };
+    let _ = wheelarm_import::import("home.sh3d", bytes.to_vec(), &options);
+    let _ = wheelarm_import::sh3d::parse("home.sh3d", bytes);
+}
+
 /// One file of the assets in place of the right one, and everything that is
 /// loaded with it.
 pub fn asset(path: &str, bytes: &[u8]) {

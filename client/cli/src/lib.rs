@@ -10,6 +10,7 @@ pub mod control;
 pub mod demo;
 pub mod doctor;
 pub mod drive;
+pub mod home;
 pub mod operate;
 #[cfg(feature = "hdf5")]
 pub mod record;

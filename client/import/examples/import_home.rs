@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::ExitCode;
 
-use wheelarm_import::{Options, import_file};
+use wheelarm_import::{Options, import_file, write};
 
 fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).collect();
@@ -24,7 +24,7 @@ fn main() -> ExitCode {
     };
     let summary = &imported.summary;
     println!("{} {summary:#?}", imported.pack.id());
-    if let Err(error) = imported.pack.write_folder(&Path::new(folder).join(name)) {
+    if let Err(error) = write(&imported.pack, Path::new(folder)) {
         eprintln!("error: {error}");
         return ExitCode::FAILURE;
     }

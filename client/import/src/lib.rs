@@ -31,6 +31,7 @@ mod rooms;
 pub mod sh3d;
 mod simplify;
 mod solid;
+mod store;
 mod surfaces;
 mod texture;
 mod words;
@@ -41,6 +42,7 @@ use std::path::Path;
 
 pub use build::{Imported, Joints, LeftOut, Options, Summary};
 pub use error::{ImportError, ModelError};
+pub use store::write;
 pub use words::slug;
 
 /// Imports the bytes of a `.sh3d` file. `file` is its name in errors and in the origin.

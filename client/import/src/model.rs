@@ -5,6 +5,7 @@ use std::path::Path;
 
 use crate::archive::Archive;
 use crate::error::{ImportError, ModelError};
+use crate::polygon;
 use crate::sh3d::{Rgb, default_colour, transparency};
 
 /// Largest number of triangles of a model.
@@ -162,7 +163,7 @@ fn materials(text: &str, path: &str) -> Vec<ModelMaterial> {
                 material.shininess = (exponent / 128.0).clamp(0.0, 1.0);
             }
             ("map_Kd", _) => {
-                // Options stand before the name.
+                // Options precede the name.
                 let name = rest.split_whitespace().last().unwrap_or_default();
                 material.image = Some(beside(path, name));
             }
@@ -197,7 +198,7 @@ pub fn parse(text: &str, defined: &BTreeMap<String, ModelMaterial>) -> Result<Mo
     }
     let options = tobj::LoadOptions {
         single_index: false,
-        triangulate: true,
+        triangulate: false,
         ignore_points: true,
         ignore_lines: true,
     };
@@ -264,33 +265,124 @@ fn add(model: &mut Model, mesh: &tobj::Mesh, material: u32, group: u32) -> Resul
         model.positions.push(point.map(f64::from));
     }
     let (uvs, _) = mesh.texcoords.as_chunks::<2>();
-    let (triangles, _) = mesh.indices.as_chunks::<3>();
-    let (mapped, _) = mesh.texcoord_indices.as_chunks::<3>();
-    if model.triangles.len() + triangles.len() > MOST_TRIANGLES {
-        return Err(format!(
-            "more than {MOST_TRIANGLES} triangles; simplify the model"
-        ));
-    }
-    for (index, corners) in triangles.iter().enumerate() {
-        if corners
-            .iter()
-            .any(|&corner| corner as usize >= points.len())
-        {
+    let arities: Vec<usize> = if mesh.face_arities.is_empty() {
+        vec![3; mesh.indices.len() / 3]
+    } else {
+        mesh.face_arities.iter().map(|&a| a as usize).collect()
+    };
+    let mut start = 0;
+    for arity in arities {
+        let corners = mesh.indices.get(start..start + arity).unwrap_or_default();
+        let mapped = mesh.texcoord_indices.get(start..start + arity);
+        start += arity;
+        if corners.iter().any(|&c| c as usize >= points.len()) {
             return Err("a face names a vertex that does not exist".into());
         }
-        let at = |corner: u32| uvs.get(corner as usize).copied();
-        let of = mapped.get(index).and_then(|&[a, b, c]| {
-            let uvs = [at(a)?, at(b)?, at(c)?];
-            uvs.iter().flatten().all(|c| c.is_finite()).then_some(uvs)
-        });
-        model.triangles.push(Triangle {
-            corners: corners.map(|corner| corner + first),
-            uvs: of,
-            material,
-            group,
-        });
+        if arity < 3 || corners.len() < 3 {
+            continue;
+        }
+        if model.triangles.len() + arity > MOST_TRIANGLES {
+            return Err(format!(
+                "more than {MOST_TRIANGLES} triangles; simplify the model"
+            ));
+        }
+        let at = |k: usize| uvs.get(*mapped?.get(k)? as usize).copied();
+        let face: Vec<[f64; 3]> = corners
+            .iter()
+            .map(|&corner| points[corner as usize].map(f64::from))
+            .collect();
+        for [a, b, c] in triangulate(&face) {
+            let of = [a, b, c].map(at);
+            let of = match of {
+                [Some(a), Some(b), Some(c)] => Some([a, b, c]),
+                _ => None,
+            };
+            model.triangles.push(Triangle {
+                corners: [a, b, c].map(|k| corners[k] + first),
+                uvs: of.filter(|uvs| uvs.iter().flatten().all(|c| c.is_finite())),
+                material,
+                group,
+            });
+        }
     }
     Ok(())
+}
+
+/// Largest number of corners of a face whose ears are cut; others become a fan.
+const MOST_CORNERS: usize = 256;
+
+/// Triangles of a plane face, by cutting its ears: frames of doors are one face around their
+/// opening.
+fn triangulate(face: &[[f64; 3]]) -> Vec<[usize; 3]> {
+    let count = face.len();
+    let fan = || (1..count - 1).map(|k| [0, k, k + 1]).collect();
+    if count == 3 || count > MOST_CORNERS {
+        return fan();
+    }
+    // Newell's normal; the plane of its largest component keeps the orientation.
+    let mut normal = [0.0; 3];
+    for (i, a) in face.iter().enumerate() {
+        let b = face[(i + 1) % count];
+        for k in 0..3 {
+            let (m, n) = ((k + 1) % 3, (k + 2) % 3);
+            normal[k] += (a[m] - b[m]) * (a[n] + b[n]);
+        }
+    }
+    let largest = |best: usize, k: usize| {
+        if normal[k].abs() > normal[best].abs() {
+            k
+        } else {
+            best
+        }
+    };
+    let axis = [1, 2].into_iter().fold(0, largest);
+    let (m, n) = ((axis + 1) % 3, (axis + 2) % 3);
+    let sign = normal[axis].signum();
+    // Newell's sum above is negative for a counter-clockwise face of this plane's order.
+    let flat: Vec<[f64; 2]> = face.iter().map(|p| [p[m], p[n] * -sign]).collect();
+    let flat = if polygon::area(&flat) < 0.0 {
+        face.iter().map(|p| [p[m], p[n] * sign]).collect()
+    } else {
+        flat
+    };
+    let mut left: Vec<usize> = (0..count).collect();
+    let mut triangles = Vec::with_capacity(count - 2);
+    while left.len() > 3 {
+        let size = left.len();
+        let ear = (0..size).find(|&k| {
+            let (a, b, c) = (left[(k + size - 1) % size], left[k], left[(k + 1) % size]);
+            let is_convex = polygon::cross(flat[a], flat[b], flat[c]) > 0.0;
+            let is_inside = |p: [f64; 2]| {
+                polygon::cross(flat[a], flat[b], p) >= 0.0
+                    && polygon::cross(flat[b], flat[c], p) >= 0.0
+                    && polygon::cross(flat[c], flat[a], p) >= 0.0
+            };
+            let corners = [flat[a], flat[b], flat[c]];
+            is_convex
+                && !left
+                    .iter()
+                    .any(|&k| !corners.contains(&flat[k]) && is_inside(flat[k]))
+        });
+        // A face that is not plane or crosses itself has no ear: its flattest corner goes.
+        let ear = ear.unwrap_or_else(|| {
+            let flatness = |k: usize| {
+                let (a, b, c) = (left[(k + size - 1) % size], left[k], left[(k + 1) % size]);
+                polygon::cross(flat[a], flat[b], flat[c]).abs()
+            };
+            (0..size)
+                .min_by(|&a, &b| flatness(a).total_cmp(&flatness(b)))
+                .unwrap_or(0)
+        });
+        let (a, b, c) = (
+            left[(ear + size - 1) % size],
+            left[ear],
+            left[(ear + 1) % size],
+        );
+        triangles.push([a, b, c]);
+        left.remove(ear);
+    }
+    triangles.push([left[0], left[1], left[2]]);
+    triangles
 }
 
 #[cfg(test)]
@@ -313,6 +405,39 @@ mod tests {
         assert_eq!(material.colour, [255, 0, 0]);
         assert!((material.transparency - 0.75).abs() < 1e-9);
         assert_eq!(model.materials[0].colour, [255; 3], "a built-in color");
+    }
+
+    #[test]
+    fn frame_of_a_door_leaves_its_opening_free() {
+        let frame = [
+            [0.0, 0.0],
+            [0.1, 0.0],
+            [0.1, 1.9],
+            [0.9, 1.9],
+            [0.9, 0.0],
+            [1.0, 0.0],
+            [1.0, 2.0],
+            [0.0, 2.0],
+        ];
+        for turn in [false, true] {
+            let mut face: Vec<[f64; 3]> = frame.iter().map(|&[x, y]| [x, y, 0.3]).collect();
+            if turn {
+                face.reverse();
+            }
+            let triangles = triangulate(&face);
+            let sum: f64 = triangles
+                .iter()
+                .map(|t| polygon::area(&t.map(|k| [face[k][0], face[k][1]])))
+                .sum();
+            let whole = 2.0 - 0.8 * 1.9;
+            let expected = if turn { -whole } else { whole };
+            assert!((sum - expected).abs() < 1e-9, "orientation and area: {sum}");
+            let all: f64 = triangles
+                .iter()
+                .map(|t| polygon::area(&t.map(|k| [face[k][0], face[k][1]])).abs())
+                .sum();
+            assert!((all - whole).abs() < 1e-9, "no overlap: {all}");
+        }
     }
 
     #[test]

@@ -12,7 +12,7 @@ const ENOUGH: f64 = 1.2;
 /// Least distance of the camera from walls and furniture, metres.
 const CAMERA_GAP: f64 = 0.3;
 
-/// What stands on the floor: a convex outline.
+/// An obstacle on the floor: a convex outline.
 pub struct Obstacle {
     /// Outline, metres of the pack.
     pub outline: Vec<Point>,

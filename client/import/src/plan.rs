@@ -82,7 +82,7 @@ impl<'a> Plan<'a> {
     /// otherwise the one with the most walls.
     ///
     /// # Errors
-    /// When there is no such level, or it has no walls.
+    /// When the level does not exist, or has no walls.
     pub fn of(file: &str, home: &'a Home, choice: Option<&str>) -> Result<Self, ImportError> {
         let level = select(file, home, choice)?;
         let on = |id: &Option<String>| is_on(home, level, id.as_deref());

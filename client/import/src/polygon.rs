@@ -138,8 +138,12 @@ pub fn cleaned(polygon: &[Point], tolerance: f64) -> Vec<Point> {
         }
         let flat = (0..count).find(|&i| {
             let (before, after) = (corners[(i + count - 1) % count], corners[(i + 1) % count]);
-            distance(corners[i], after) <= tolerance
-                || distance_to_side(corners[i], before, after) <= tolerance
+            let corner = corners[i];
+            // Repeated, between its neighbours, or the tip of a spike without area.
+            distance(corner, after) <= tolerance
+                || distance_to_side(corner, before, after) <= tolerance
+                || distance_to_side(before, corner, after) <= tolerance
+                || distance_to_side(after, corner, before) <= tolerance
         });
         match flat {
             Some(index) => {
@@ -307,6 +311,13 @@ mod tests {
             assert!(!contains(piece, [1.5, 2.0]));
         }
         assert_eq!(outside(&outer, &[]).len(), 1);
+    }
+
+    #[test]
+    fn spikes_and_repeated_corners_are_removed() {
+        let mut room = square(3.0);
+        room.splice(2..2, [[3.0, 2.0], [5.0, 2.0], [3.0, 2.0]]);
+        assert_eq!(cleaned(&room, 1e-3), square(3.0));
     }
 
     #[test]

@@ -138,20 +138,20 @@ impl Grid {
     /// The connected parts of a mask, each with its cells in ascending order.
     #[must_use]
     pub fn components(&self, mask: &[bool]) -> Vec<Vec<usize>> {
-        let mut seen = vec![false; self.len()];
+        let mut visited = vec![false; self.len()];
         let mut parts = Vec::new();
         for start in 0..self.len() {
-            if !mask[start] || seen[start] {
+            if !mask[start] || visited[start] {
                 continue;
             }
             let mut part = Vec::new();
             let mut pending = vec![start];
-            seen[start] = true;
+            visited[start] = true;
             while let Some(cell) = pending.pop() {
                 part.push(cell);
                 for next in self.neighbours(cell) {
-                    if mask[next] && !seen[next] {
-                        seen[next] = true;
+                    if mask[next] && !visited[next] {
+                        visited[next] = true;
                         pending.push(next);
                     }
                 }

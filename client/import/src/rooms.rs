@@ -93,13 +93,6 @@ pub fn rooms(
             skipped += 1;
             continue;
         }
-        if !polygon::is_simple(&outline) {
-            notes.push(format!(
-                "room {:?} left out: its outline crosses itself; draw it again",
-                room.name
-            ));
-            continue;
-        }
         drawn.push((room.name.clone(), outline, room.floor_visible, index));
     }
     if skipped > 0 {
@@ -124,7 +117,8 @@ pub fn rooms(
                 common(outline, other) > least
             })
             .collect();
-        let pieces = if over.is_empty() {
+        let is_simple = is_valid(outline);
+        let pieces = if over.is_empty() && is_simple {
             vec![outline.clone()]
         } else {
             polygon::outside(outline, &over)
@@ -139,7 +133,16 @@ pub fn rooms(
             continue;
         }
         let kind = words::room_kind(label);
-        for mut piece in pieces.into_iter().filter(|p| polygon::area(p).abs() > 0.02) {
+        if !is_simple {
+            notes.push(format!(
+                "room {label:?} crosses or touches itself: divided into {} parts; draw it again",
+                pieces.len()
+            ));
+        }
+        for mut piece in pieces {
+            if polygon::area(&piece).abs() < 0.02 || !is_valid(&piece) {
+                continue;
+            }
             if polygon::area(&piece) < 0.0 {
                 piece.reverse();
             }
@@ -167,6 +170,12 @@ pub fn rooms(
         ));
     }
     Ok(all)
+}
+
+/// Whether a pack accepts an outline.
+fn is_valid(outline: &[Point]) -> bool {
+    let rounded: Vec<Point> = outline.iter().map(|&p| crate::build::rounded2(p)).collect();
+    wheelarm_pack::check_outline("room", &rounded).is_ok()
 }
 
 /// Common area of two polygons, square metres.

@@ -197,7 +197,7 @@ const OUTSIDE: [&str; 5] = ["garage", "terrace", "balcony", "garden", "roof"];
 pub struct Category {
     /// Its word.
     pub word: &'static str,
-    /// Whether objects can stand on it.
+    /// Whether it can carry objects.
     pub carries: bool,
     /// Parts of names.
     names: &'static [&'static str],
@@ -252,7 +252,7 @@ const CATEGORIES: [Category; 52] = [
     category("lamp", false, &["lamp", "light", "uplight", "spot", "leuchte", "lampe", "pendant", "halogen"]),
     category("plant", false, &["plant", "flower", "blume", "pflanze", "fleur", "tree", "baum"]),
     category("mirror", false, &["mirror", "spiegel", "miroir", "espejo", "specchio"]),
-    category("picture", false, &["picture", "frame", "painting", "bild", "tableau", "cuadro", "poster"]),
+    category("painting", false, &["pictur", "frame", "painting", "bild", "tableau", "cuadro", "poster"]),
     category("curtain", false, &["curtain", "vorhang", "gardine", "rideau", "cortina", "tenda", "blind", "rollo", "jalousie", "store"]),
     category("rug", false, &["rug", "carpet", "teppich", "tapis", "alfombra", "tappeto", "mat "]),
     category("piano", false, &["piano", "klavier", "flugel"]),

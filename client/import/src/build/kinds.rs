@@ -3,22 +3,20 @@
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-use wheelarm_pack::{
-    Family, GraspEntry, JointEntry, KindFile, MeshEntry, MeshScale, PartEntry, SurfaceEntry,
-};
+use wheelarm_pack::{KindFile, MeshEntry, MeshScale, PartEntry, SurfaceEntry};
 
 use crate::archive::Archive;
+use crate::build::leaves::{is_useful, leaf_kind, origin};
+use crate::build::painter::{Painter, Part};
 use crate::build::{Joints, rounded, rounded2, rounded3};
 use crate::error::{ImportError, ModelError};
 use crate::fit::{Fitted, METRES, bounds, fit};
-use crate::glb::{self, Corner};
-use crate::joints::{Joint, JointKind, extent, is_mirror, is_pane, joints};
+use crate::joints::{JointKind, joints};
 use crate::model::{self, Model};
-use crate::paint::{Paints, family_of};
+use crate::paint::Paints;
 use crate::raster::Point3;
 use crate::rooms::Names;
-use crate::sh3d::{Piece, PieceKind, Rgb};
-use crate::simplify;
+use crate::sh3d::{Piece, PieceKind};
 use crate::solid::{Solid, solids};
 use crate::surfaces::{Surface, surfaces};
 use crate::words::{self, Category};
@@ -27,18 +25,10 @@ use crate::words::{self, Category};
 const SURFACES: (f64, f64) = (0.30, 1.30);
 /// What hangs higher collides with nothing, metres.
 const OVERHEAD: f64 = 2.0;
-/// What lies on the floor and is thinner is driven over, metres.
+/// A piece on the floor that is thinner is driven over, metres.
 const FLAT: f64 = 0.025;
 /// Coulomb coefficient of furniture.
-const FRICTION: f64 = 0.5;
-/// Largest opening of a leaf, degrees.
-const OPENING_DEG: f64 = 100.0;
-/// Least number of triangles of a leaf.
-const LEAST_LEAF: usize = 8;
-/// Largest extent of a pin of a drawer across its axis is not checked; leaves are larger than
-/// this along their hinge, metres.
-const LEAST_SIDE: f64 = 0.10;
-
+pub(super) const FRICTION: f64 = 0.5;
 /// What is done with a door of a room.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Passage {
@@ -286,307 +276,10 @@ impl<'a> Kinds<'a> {
     }
 }
 
-/// A rendered part that is not stored yet.
-struct Part {
-    entry: PartEntry,
-    bytes: Vec<u8>,
-    triangles: usize,
-}
-
-/// Divides triangles by their materials.
-struct Painter<'a> {
-    paints: &'a mut Paints,
-    archive: &'a mut Archive,
-    model: &'a Model,
-    fitted: &'a Fitted,
-    piece: &'a Piece,
-    passage: Passage,
-}
-
-/// What a triangle is made of.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Surfacing {
-    Material(u32),
-    Pane,
-    Mirror,
-}
-
-impl Painter<'_> {
-    /// The parts of some triangles, relative to `origin`, one for each material.
-    fn parts(&mut self, triangles: &[usize], origin: Point3) -> Result<Vec<Part>, ImportError> {
-        let mut by: BTreeMap<Surfacing, Vec<usize>> = BTreeMap::new();
-        for &index in triangles {
-            let triangle = &self.model.triangles[index];
-            let group = &self.model.groups[triangle.group as usize];
-            let of = if is_pane(group) {
-                Surfacing::Pane
-            } else if is_mirror(group) {
-                Surfacing::Mirror
-            } else {
-                Surfacing::Material(triangle.material)
-            };
-            by.entry(of).or_default().push(index);
-        }
-        let mut by_name: BTreeMap<(String, bool), Vec<usize>> = BTreeMap::new();
-        let mut order: Vec<(String, bool)> = Vec::new();
-        for (of, indices) in by {
-            let key = match of {
-                Surfacing::Pane if self.passage == Passage::None => (self.paints.glass(), false),
-                Surfacing::Pane => (self.paints.pane(), false),
-                Surfacing::Mirror => (self.paints.mirror(), false),
-                Surfacing::Material(material) => self.material(material as usize)?,
-            };
-            if !by_name.contains_key(&key) {
-                order.push(key.clone());
-            }
-            by_name.entry(key).or_default().extend(indices);
-        }
-        let mut parts = Vec::new();
-        for key in order {
-            let indices = &by_name[&key];
-            let part = self.mesh(indices, origin, key.1);
-            if part.is_empty() {
-                continue;
-            }
-            parts.push(Part {
-                triangles: part.len(),
-                bytes: glb::write(&part),
-                entry: PartEntry {
-                    material: Some(key.0),
-                    collide: Some(false),
-                    ..PartEntry::default()
-                },
-            });
-        }
-        Ok(parts)
-    }
-
-    fn mesh(&self, indices: &[usize], origin: Point3, mapped: bool) -> Vec<[Corner; 3]> {
-        let mut triangles: Vec<[Corner; 3]> = Vec::with_capacity(indices.len());
-        for &index in indices {
-            let points = corners(self.model, self.fitted, index);
-            let uvs = self.model.triangles[index].uvs.filter(|_| mapped);
-            let mut triangle = [0, 1, 2].map(|k| {
-                let point = [0, 1, 2].map(|axis| points[k][axis] - origin[axis]);
-                (point, uvs.map(|uvs| uvs[k]))
-            });
-            if self.piece.mirrored {
-                triangle.swap(1, 2);
-            }
-            triangles.push(triangle);
-            if self.piece.back_face_shown {
-                let [a, b, c] = triangle;
-                triangles.push([a, c, b]);
-            }
-        }
-        let size = [0, 1, 2].map(|axis| self.fitted.high[axis] - self.fitted.low[axis]);
-        simplify::simplify(triangles, size[0].max(size[1]).max(size[2]))
-    }
-
-    /// The material of a part, and whether the mesh's texture coordinates count.
-    fn material(&mut self, index: usize) -> Result<(String, bool), ImportError> {
-        let material = &self.model.materials[index];
-        let change = self
-            .piece
-            .materials
-            .iter()
-            .find(|change| change.name == material.name);
-        let family = family_of(&material.name);
-        let shininess = change
-            .and_then(|change| change.shininess)
-            .or(self.piece.shininess)
-            .unwrap_or(material.shininess);
-        let base = if family == Some(Family::Metal) {
-            0.35
-        } else {
-            0.65
-        };
-        let roughness = (base - 0.4 * shininess).max(0.1);
-        let texture = match change {
-            Some(change) if change.texture.is_some() => change.texture.clone(),
-            Some(change) if change.colour.is_some() => None,
-            _ => self.piece.texture.clone(),
-        };
-        if let Some(texture) = texture {
-            let image = self
-                .paints
-                .image(self.archive, &texture, family, roughness, None)?;
-            if let Some(name) = image {
-                return Ok((name, false));
-            }
-        }
-        let own = change
-            .and_then(|change| change.colour)
-            .or(self.piece.colour);
-        if let (None, Some(path)) = (own, &material.image) {
-            let texture = crate::sh3d::Texture {
-                image: path.clone(),
-                width: 100.0,
-                height: 100.0,
-            };
-            let image = self
-                .paints
-                .image(self.archive, &texture, family, roughness, Some(1.0))?;
-            if let Some(name) = image {
-                return Ok((name, true));
-            }
-        }
-        let colour: Rgb = own.unwrap_or(material.colour);
-        if material.transparency > 0.5 {
-            return Ok((self.paints.glass(), false));
-        }
-        let is_shade = self.piece.kind == PieceKind::Light
-            && colour.iter().all(|&c| c > 150)
-            && family != Some(Family::Metal);
-        if is_shade {
-            return Ok((self.paints.shade(colour), false));
-        }
-        Ok((self.paints.colour(colour, family, roughness), false))
-    }
-}
-
-fn corners(model: &Model, fitted: &Fitted, index: usize) -> [Point3; 3] {
+pub(super) fn corners(model: &Model, fitted: &Fitted, index: usize) -> [Point3; 3] {
     model.triangles[index]
         .corners
         .map(|c| fitted.points[c as usize])
-}
-
-/// Whether a leaf is worth a joint: an upright or level hinge across the front, or a rail
-/// that leads to the front.
-fn is_useful(joint: &Joint, model: &Model, fitted: &Fitted) -> bool {
-    let (low, high) = extent(model, fitted, &joint.leaf);
-    let size = [0, 1, 2].map(|axis| high[axis] - low[axis]);
-    let is_large = size[1] > LEAST_SIDE && size[2] > 0.05;
-    let is_thin = size[0] < size[1];
-    let turns = joint.kind == JointKind::Hinge && joint.axis != 0 && is_thin;
-    let slides = joint.kind == JointKind::Rail && joint.axis == 0;
-    joint.leaf.len() >= LEAST_LEAF && is_large && (turns || slides)
-}
-
-/// Origin of a leaf in the frame of its carrier: on the axis of a hinge, at the leaf's foot.
-fn origin(joint: &Joint, model: &Model, fitted: &Fitted) -> Point3 {
-    let (low, high) = extent(model, fitted, &joint.leaf);
-    match (joint.kind, joint.axis) {
-        (JointKind::Hinge, 2) => [joint.at[0], joint.at[1], low[2]],
-        (JointKind::Hinge, _) => [joint.at[0], 0.5 * (low[1] + high[1]), joint.at[2]],
-        (JointKind::Rail, _) => [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2]],
-    }
-}
-
-/// The kind of a leaf: its joint, a box for the leaf and one for its handle, grasps.
-fn leaf_kind(joint: &Joint, model: &Model, fitted: &Fitted, parts: Vec<Part>) -> KindFile {
-    let o = origin(joint, model, fitted);
-    let relative = |p: Point3| [0, 1, 2].map(|axis| p[axis] - o[axis]);
-    let panel: Vec<usize> = joint
-        .leaf
-        .iter()
-        .copied()
-        .filter(|index| joint.handle.binary_search(index).is_err())
-        .collect();
-    let panel = if panel.is_empty() {
-        &joint.leaf
-    } else {
-        &panel
-    };
-    let (low, high) = extent(model, fitted, panel);
-    let (low, high) = (relative(low), relative(high));
-    let mut shapes = Vec::new();
-    match joint.kind {
-        JointKind::Hinge => {
-            // Two millimetres less on each side: the leaf moves past its frame.
-            let gap = 0.002;
-            shapes.push(Solid::cuboid(
-                [low[0], low[1] + gap, low[2] + gap],
-                [high[0], high[1] - gap, high[2] - gap],
-            ));
-        }
-        JointKind::Rail => {
-            let front = (high[0] - 0.02).max(low[0]);
-            let gap = 0.002;
-            shapes.push(Solid::cuboid(
-                [front, low[1] + gap, low[2] + gap],
-                [high[0], high[1] - gap, high[2] - gap],
-            ));
-        }
-    }
-    let size = [0, 1, 2].map(|axis| (high[axis] - low[axis]).max(0.015));
-    let com = [0, 1, 2].map(|axis| 0.5 * (low[axis] + high[axis]));
-    let volume = size[0] * size[1] * size[2];
-    let mut grasps = Vec::new();
-    if !joint.handle.is_empty() {
-        let (low, high) = extent(model, fitted, &joint.handle);
-        let (low, high) = (relative(low), relative(high));
-        shapes.push(Solid::cuboid(low, high));
-        grasps = handle_grasps(low, high);
-    }
-    let (axis, mass, friction, damping) = match joint.kind {
-        JointKind::Hinge => {
-            let axis = if joint.axis == 2 {
-                // The free edge moves to the front.
-                [0.0, 0.0, if com[1] > 0.0 { -1.0 } else { 1.0 }]
-            } else {
-                [0.0, if com[2] > 0.0 { 1.0 } else { -1.0 }, 0.0]
-            };
-            (axis, (250.0 * volume).clamp(1.5, 20.0), 1.0, 0.5)
-        }
-        JointKind::Rail => ([1.0, 0.0, 0.0], 2.5, 5.0, 10.0),
-    };
-    let square = |axis: usize| size[axis] * size[axis];
-    // The smallest eigenvalues of thin plates are raised: rounding must keep
-    // Ixx + Iyy >= Izz in every order.
-    let inertia = [(1, 2), (0, 2), (0, 1)].map(|(a, b)| {
-        let whole = mass / 12.0 * (square(a) + square(b)) + 1.0e-4;
-        (whole * 1.0e6).round() / 1.0e6
-    });
-    let slides = joint.kind == JointKind::Rail;
-    KindFile {
-        category: if slides {
-            "drawer".into()
-        } else {
-            "door".into()
-        },
-        friction: Some(FRICTION),
-        parts: parts.into_iter().map(|part| part.entry).collect(),
-        collision: Some(shapes.iter().map(shape).collect()),
-        joint: Some(JointEntry {
-            turns: !slides,
-            axis,
-            travel: slides.then(|| rounded((0.8 * size[0]).clamp(0.05, 0.40))),
-            travel_deg: (!slides).then_some(OPENING_DEG),
-            mass: rounded(mass),
-            com: rounded3(com),
-            inertia,
-            friction,
-            damping,
-        }),
-        grasps,
-        ..KindFile::default()
-    }
-}
-
-/// Grasps of a handle from the front, across its thin sides.
-fn handle_grasps(low: Point3, high: Point3) -> Vec<GraspEntry> {
-    let middle = [0, 1, 2].map(|axis| 0.5 * (low[axis] + high[axis]));
-    let mut grasps = Vec::new();
-    for (name, axis) in [("across", 1), ("along", 2)] {
-        let width = (high[axis] - low[axis]).max(0.012);
-        if width >= 0.075 {
-            continue;
-        }
-        let mut closing = [0.0; 3];
-        closing[axis] = 1.0;
-        grasps.push(GraspEntry {
-            name: format!("handle_{name}"),
-            point: rounded3([middle[0] + 0.028, middle[1], middle[2]]),
-            approach: [-1.0, 0.0, 0.0],
-            closing,
-            width: rounded(width),
-            symmetric: false,
-            force: None,
-            from_above: false,
-        });
-    }
-    grasps
 }
 
 /// The collision shapes of a piece.
@@ -630,7 +323,7 @@ fn collision(
     solids(&fitted.points, &triangles)
 }
 
-/// Whether shapes stand in the middle half of a passage.
+/// Whether shapes are in the middle half of a passage.
 fn blocks(solids: &[Solid], left: f64, right: f64) -> bool {
     let quarter = 0.25 * (right - left);
     solids.iter().any(|solid| {

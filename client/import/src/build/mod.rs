@@ -2,20 +2,21 @@
 
 mod house;
 mod kinds;
+mod leaves;
+mod painter;
+mod sources;
+mod start;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
-use wheelarm_pack::{
-    FORMAT, HomeFile, LightEntry, Manifest, MaterialFile, Pack, PieceEntry, RoomCameraEntry,
-    SourceEntry, StartEntry, UNKNOWN,
-};
+use wheelarm_pack::{HomeFile, KindFile, LightEntry, MaterialFile, Pack, PieceEntry};
 use wheelarm_proto::exact;
 
 use crate::archive::Archive;
 use crate::error::ImportError;
 use crate::fit::METRES;
 use crate::paint::Paints;
-use crate::place::{FreeFloor, Obstacle, Start};
+use crate::place::Obstacle;
 use crate::plan::{self, Plan};
 use crate::polygon::{self, Point};
 use crate::raster::Point3;
@@ -23,10 +24,10 @@ use crate::rooms::{self, Names, PlanRoom};
 use crate::sh3d::{Home, Piece, PieceKind};
 use crate::words::{self, Category};
 use kinds::{Built, Kinds, Passage};
+use sources::{license, manifest, origin};
+use start::{start_and_camera, wall_obstacles};
 
-/// Free circle that a wheelchair needs to start, metres.
-const CHAIR: f64 = 0.45;
-/// Height below which things obstruct a chair with an arm, metres.
+/// Height below which pieces obstruct a chair with an arm, metres.
 const BODY: f64 = 1.5;
 
 /// Which leaves become joints.
@@ -405,106 +406,6 @@ fn other_levels(plan: &Plan<'_>) -> Vec<String> {
         .collect()
 }
 
-/// Walls without their passages, as obstacles.
-fn wall_obstacles(
-    walls: &[plan::StraightWall],
-    openings: &[wheelarm_pack::OpeningEntry],
-) -> Vec<Obstacle> {
-    let mut all = Vec::new();
-    for (index, wall) in walls.iter().enumerate() {
-        let mut cuts: Vec<Point> = openings
-            .iter()
-            .filter(|o| o.wall == index && o.sill <= 0.0 && o.leaf.is_none())
-            .map(|o| [o.at - 0.5 * o.width, o.at + 0.5 * o.width])
-            .collect();
-        cuts.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        cuts.push([wall.length(); 2]);
-        let [x, y] = wall.direction();
-        let mut at = 0.0;
-        for [from, to] in cuts {
-            if from > at + 1.0e-6 {
-                let end = |along: f64| [wall.from[0] + x * along, wall.from[1] + y * along];
-                let part = plan::StraightWall {
-                    from: end(at),
-                    to: end(from),
-                    ..wall.clone()
-                };
-                let outline = part.outline().to_vec();
-                all.push(Obstacle { outline });
-            }
-            at = to.max(at);
-        }
-    }
-    all
-}
-
-/// Start in the largest room with free floor, and a camera in a corner of it.
-fn start_and_camera(
-    options: &Options,
-    plan: &Plan<'_>,
-    rooms: &[PlanRoom],
-    obstacles: &[Obstacle],
-    summary: &mut Summary,
-) -> Result<(StartEntry, RoomCameraEntry), ImportError> {
-    let outlines: Vec<&[Point]> = rooms.iter().map(|room| room.outline.as_slice()).collect();
-    let openings = plan.floor_openings();
-    let no_start = || ImportError::NoStart {
-        name: options.name.clone(),
-        radius: CHAIR,
-    };
-    let floor = FreeFloor::new(&outlines, obstacles, &openings).ok_or_else(no_start)?;
-    let mut order: Vec<&PlanRoom> = rooms.iter().collect();
-    order.sort_by(|a, b| {
-        a.is_outside
-            .cmp(&b.is_outside)
-            .then(b.area().total_cmp(&a.area()))
-            .then(a.name.cmp(&b.name))
-    });
-    let mut best: Option<(&PlanRoom, Start)> = None;
-    for &room in &order {
-        let Some(start) = floor.start(&room.outline) else {
-            continue;
-        };
-        let is_better = best
-            .as_ref()
-            .is_none_or(|(_, known)| start.free > known.free + 0.1);
-        let needed = best
-            .as_ref()
-            .is_none_or(|(_, known)| known.free < 2.0 * CHAIR);
-        if needed && is_better {
-            best = Some((room, start));
-        }
-    }
-    let (room, start) = best.ok_or_else(no_start)?;
-    if start.free < CHAIR {
-        summary.notes.push(format!(
-            "no room has a free circle of {CHAIR} m for the chair to start; it starts in {} with {:.2} m. Move or leave out furniture, for example with --without chairs,rugs",
-            room.name, start.free
-        ));
-    }
-    let (low, high) = polygon::bounds(&room.outline);
-    let middle = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])];
-    let target = if polygon::contains(&room.outline, middle) {
-        middle
-    } else {
-        start.at
-    };
-    let [x, y] = rounded2(floor.camera(&room.outline, target));
-    let look = [target[0], target[1], 0.7];
-    let height = (plan.height - 0.35).clamp(1.2, 2.1);
-    Ok((
-        StartEntry {
-            at: rounded2(start.at),
-            yaw_deg: rounded(start.yaw_deg),
-        },
-        RoomCameraEntry {
-            at: rounded3([x, y, height]),
-            look_at: rounded3(look),
-            horizontal_fov_deg: 75.0,
-        },
-    ))
-}
-
 fn light() -> LightEntry {
     LightEntry {
         sun_direction: [0.45, -0.65, 0.80],
@@ -514,80 +415,10 @@ fn light() -> LightEntry {
     }
 }
 
-/// The license of the home, as an identifier or `unknown`.
-fn license(home: &Home, options: &Options, summary: &mut Summary) -> String {
-    let stated = home.license.as_deref();
-    if let Some(given) = &options.licence {
-        return given.clone();
-    }
-    match stated.and_then(words::spdx) {
-        Some(known) => known.to_owned(),
-        None => {
-            let what = stated.map_or("not stated".into(), |text| format!("{text:?}"));
-            summary.notes.push(format!(
-                "licence of the home is {what}; give --licence or the pack is refused by plans with licence = \"commercial\""
-            ));
-            UNKNOWN.to_owned()
-        }
-    }
-}
-
-fn origin(file: &str, home: &Home) -> String {
-    let author = home.author.as_deref().unwrap_or("author not stated");
-    format!("Sweet Home 3D: {file}, {author}")
-}
-
-fn manifest(
-    options: &Options,
-    home: &Home,
-    origin: &str,
-    license: &str,
-    sources: &BTreeMap<String, (String, Option<String>)>,
-    summary: &mut Summary,
-) -> Manifest {
-    let mut all = vec![SourceEntry {
-        of: "home".into(),
-        author: home.author.clone().unwrap_or_default(),
-        license: license.to_owned(),
-        origin: origin.to_owned(),
-    }];
-    let mut unknown: BTreeSet<&str> = BTreeSet::new();
-    for (kind, (creator, stated)) in sources {
-        let own = stated
-            .as_deref()
-            .map(|text| words::spdx(text).unwrap_or(UNKNOWN));
-        // Models in a home with a license are part of it, unless they state their own.
-        let license = own.unwrap_or(license);
-        if license == UNKNOWN {
-            unknown.insert(kind);
-        }
-        all.push(SourceEntry {
-            of: kind.clone(),
-            author: creator.clone(),
-            license: license.to_owned(),
-            origin: "model in the home".into(),
-        });
-    }
-    let stated = license != UNKNOWN;
-    if stated && !unknown.is_empty() {
-        let some: Vec<&str> = unknown.iter().copied().take(5).collect();
-        summary.notes.push(format!(
-            "licence of {} is not stated; give --licence or the pack is refused by plans with licence = \"commercial\"",
-            some.join(", ")
-        ));
-    }
-    Manifest {
-        format: FORMAT,
-        name: options.name.clone(),
-        version: "1".into(),
-        source: all,
-    }
-}
-
 /// Counts what the pieces consist of.
 fn count(
     home: &HomeFile,
-    kinds: &BTreeMap<String, wheelarm_pack::KindFile>,
+    kinds: &BTreeMap<String, KindFile>,
     triangles: &BTreeMap<String, usize>,
     summary: &mut Summary,
 ) {
@@ -611,7 +442,7 @@ fn rounded(value: f64) -> f64 {
     (value * 1.0e4).round() / 1.0e4 + 0.0
 }
 
-fn rounded2(point: Point) -> Point {
+pub(crate) fn rounded2(point: Point) -> Point {
     point.map(rounded)
 }
 
