@@ -1,4 +1,5 @@
-//! `wheelarm home`: imports homes of Sweet Home 3D as packs, lists the homes of packs.
+//! `wheelarm home`: imports homes of Sweet Home 3D as packs, lists the homes of packs, reports
+//! what a robot reaches in them.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -6,6 +7,8 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand, ValueEnum};
 use wheelarm_import::{Joints, Options, Summary, import_file, slug, write};
 use wheelarm_pack::{PACKS_VARIABLE, Store};
+
+use crate::home_report::{self, ReportArgs};
 
 /// Folder of packs when neither --out nor WHEELARM_PACKS names one.
 const FOLDER: &str = "packs";
@@ -22,6 +25,11 @@ pub enum HomeCommand {
     Import(ImportArgs),
     /// Lists the homes of the packs.
     List(ListArgs),
+    /// Reports what a robot reaches in a home, why not the rest, and what to move.
+    ///
+    /// Rooms that the chair enters, clear widths of doors, surfaces within the arm's reach,
+    /// places to turn, beside DIN 18040-2. A home that the chair cannot enter has a report too.
+    Report(ReportArgs),
 }
 
 /// Arguments of `wheelarm home import`.
@@ -79,6 +87,7 @@ pub fn run(command: &HomeCommand) -> anyhow::Result<String> {
         HomeCommand::Import(args) => import(args, &folders()),
         HomeCommand::List(args) if args.packs.is_empty() => list(folders()),
         HomeCommand::List(args) => list(args.packs.clone()),
+        HomeCommand::Report(args) => home_report::run(args, &folders()),
     }
 }
 

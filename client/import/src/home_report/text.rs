@@ -63,14 +63,14 @@ pub(super) fn advice(report: &HomeReport) -> Option<String> {
     let (name, sum) = (&report.home, &report.summary);
     if report.start.is_none() {
         return Some(format!(
-            "{name}: the chair fits nowhere in the home; see plan.png, and draw rooms with free floor"
+            "{name}: the chair fits nowhere in the home; see the plan, and draw rooms with free floor"
         ));
     }
     let blocked = report.doors.iter().filter(|door| !door.passed);
     let narrowest = blocked.min_by(|a, b| a.clear_width.total_cmp(&b.clear_width));
     match narrowest {
         Some(door) if sum.rooms_entered < sum.rooms => Some(format!(
-            "the chair ({:.2} m) gets into {} of {} rooms: {} between {} and {} is {:.2} m clear; see plan.png",
+            "the chair ({:.2} m) gets into {} of {} rooms: {} between {} and {} is {:.2} m clear; see the plan",
             report.robot.size[0],
             sum.rooms_entered,
             sum.rooms,
