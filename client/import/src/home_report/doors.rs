@@ -15,8 +15,8 @@ pub const DIN_DOORS: [f64; 2] = [0.80, 0.90];
 const BEFORE: f64 = 0.6;
 /// Obstacles count between these heights, metres.
 const HEIGHTS: [f64; 2] = [0.03, 1.9];
-/// The chair passes a door when it gets as near to the door's middle, metres.
-const PASSED: f64 = 0.15;
+/// The chair passes a door when its driven axle gets into the wall, or as near to it, metres.
+const PASSED: f64 = 0.05;
 /// Rooms are looked for this far from the wall, metres.
 const BESIDE: f64 = 0.25;
 /// Rounding of widths, metres.
@@ -70,10 +70,8 @@ pub fn test(home: &Home, floor: &Floor) -> Vec<DoorReport> {
                 blocked_by.push(name.to_owned());
             }
         }
-        let passed = places.iter().any(|place| {
-            let off = [0, 1].map(|i| (place.at[i] - opening.centre[i]).abs());
-            off[0] <= PASSED && off[1] <= PASSED
-        });
+        let mut places = places.iter();
+        let passed = places.any(|place| opening.contains(place.at, PASSED));
         let side = |sign: f64| {
             let away = sign * (opening.thickness / 2.0 + BESIDE);
             let [x, y] = opening.along;

@@ -6,11 +6,11 @@ use wheelarm_planning::floor_map::{DRIVE_CLEARANCE, FloorMap, STOP_CLEARANCE};
 use wheelarm_planning::footprint_check::{FootprintCheck, Pose2};
 use wheelarm_planning::reached::Reached;
 
-use super::home::{Home, Room};
+use super::home::{Home, Opening, Room};
 use super::robot::RobotFacts;
 
-/// Walls and doorways are this near to a room, metres: a chair there is not outside.
-const NEAR: f64 = 0.3;
+/// Outlines of rooms may leave gaps of this width between them, metres.
+const NEAR: f64 = 0.1;
 
 /// See the module.
 #[derive(Debug)]
@@ -33,7 +33,9 @@ impl Floor {
         let mut map = FloorMap::new(&footprint, DRIVE_CLEARANCE, &poses);
         let rooms: Vec<&Room> = home.rooms.iter().filter(|r| !r.is_outdoors()).collect();
         if !rooms.is_empty() {
-            map.confine(&|at| is_inside(&rooms, at));
+            let passages: Vec<&Opening> = home.openings.iter().filter(|o| o.is_passage()).collect();
+            let is_in_passage = |at| passages.iter().any(|passage| passage.contains(at, NEAR));
+            map.confine(&|at| is_inside(&rooms, at) || is_in_passage(at));
         }
         let map = Arc::new(map);
         let largest = Reached::largest(map.clone());
@@ -63,16 +65,12 @@ pub fn footprint(home: &Home, robot: &RobotFacts) -> FootprintCheck {
 
 /// Whether a point is in one of the rooms, or beside one.
 fn is_inside(rooms: &[&Room], [x, y]: [f64; 2]) -> bool {
-    const SIDES: [[f64; 2]; 9] = [
+    const SIDES: [[f64; 2]; 5] = [
         [0.0, 0.0],
         [NEAR, 0.0],
         [-NEAR, 0.0],
         [0.0, NEAR],
         [0.0, -NEAR],
-        [NEAR, NEAR],
-        [-NEAR, NEAR],
-        [NEAR, -NEAR],
-        [-NEAR, -NEAR],
     ];
     let any = |room: &&Room| SIDES.iter().any(|s| room.contains([x + s[0], y + s[1]]));
     rooms.iter().any(any)

@@ -186,6 +186,17 @@ impl Opening {
     }
 }
 
+impl Opening {
+    /// Whether a point is in the passage through the wall, or before it by `near` metres.
+    #[must_use]
+    pub fn contains(&self, at: [f64; 2], near: f64) -> bool {
+        let [x, y] = [0, 1].map(|i| at[i] - self.centre[i]);
+        let [c, s] = self.along;
+        let (along, across) = (x * c + y * s, y * c - x * s);
+        along.abs() <= self.width / 2.0 && across.abs() <= self.thickness / 2.0 + near
+    }
+}
+
 impl Surface {
     /// A point from the middle along both sides, on the floor plan.
     #[must_use]

@@ -61,7 +61,7 @@ pub fn test(home: &Home, floor: &Floor) -> Vec<RoomReport> {
             kind: room.kind.clone(),
             outdoors: room.is_outdoors(),
             area,
-            entered: driven >= ENTERED,
+            entered: driven >= ENTERED && !room.is_outdoors(),
             driven: (driven / area.max(1e-9)).min(1.0),
             turns: inside.clone().any(|place| place.turns),
             turning_squares: match has_bounds {

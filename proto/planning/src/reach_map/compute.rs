@@ -2,7 +2,7 @@
 //!
 //! Newton's method from a neighbour's joint positions finds a solution in a few iterations,
 //! so the reached entries grow from seeds like a flood. Seeds are a part of the entries, each
-//! tried from several starts. Trying every entry from many starts takes hours.
+//! tried from several starts. Trying every entry from many starts takes minutes.
 
 use std::collections::VecDeque;
 
@@ -46,7 +46,7 @@ pub fn hand_pose(place: &HandPlace, tool_length: f64) -> Isometry3<f64> {
 
 /// Computes the map of an arm mounted at `mount` (chair_from_base), whose grasp point is
 /// `tool_length` metres along z of its end effector. `source` is [`ReachMap::source_of`].
-/// Takes minutes.
+/// Takes seconds.
 #[must_use]
 pub fn compute(arm: &dyn Arm, mount: Isometry3<f64>, tool_length: f64, source: Digest) -> ReachMap {
     let pose = |entry: &Entry| hand_pose(&entry.place(), tool_length);
