@@ -37,6 +37,8 @@
 # make test-variety   variety of demonstrations, 40 seeds of each task from EXPERT_SEED, and
 #                    the rhythm of the style human, 6 seeds; about an hour on two cores;
 #                    results in data/variety-COMMIT
+# make test-import   imports the nine example homes of Sweet Home 3D (Debian's package is
+#                    fetched once) and compares the packs with tests/data/homes.csv
 # make test-hashes   compares state hashes of 44 episodes with tests/data/redesign-hashes.csv, a
 #                    minute and a half on two cores
 # make soak    300 short episodes directly one after the other, every file checked
@@ -77,7 +79,7 @@ export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 # Settings of another server in this shell must not affect servers that are started here.
 unexport WHEELARM_CONNECT WHEELARM_KEYS WHEELARM_SIM WHEELARM_USER
 
-.PHONY: all build static demo test test-learn lints suites contract test-cluster test-readers test-data test-original test-adversarial test-hashes test-expert test-variety soak train-mustard train-tasks train-multiplied demo-policy bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean
+.PHONY: all build static demo test test-learn lints suites contract test-cluster test-readers test-data test-original test-adversarial test-hashes test-import test-expert test-variety soak train-mustard train-tasks train-multiplied demo-policy bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean
 all: build
 
 build:
@@ -168,6 +170,10 @@ people:
 
 test-hashes: build
 	$(CARGO) test --release -p wheelarm-tests --test system -- --ignored of_all_episodes
+
+test-import:
+	$(CARGO) build --release -p wheelarm-cli --bin wheelarm
+	WHEELARM="$(BUILT)/wheelarm" tests/import.sh
 
 test-people:
 	scripts/setup.sh python numpy

@@ -28,6 +28,7 @@ use wheelarm_cli::control::{self, EpisodeCommand, LeaseCommand, ResetArgs, Shutd
 use wheelarm_cli::demo::{self, DemoArgs};
 use wheelarm_cli::doctor::{self, DoctorArgs};
 use wheelarm_cli::drive::{self, DriveArgs};
+use wheelarm_cli::home::{self, HomeCommand};
 use wheelarm_cli::operate::{self, OperateArgs};
 #[cfg(feature = "hdf5")]
 use wheelarm_cli::record::{self, RecordArgs};
@@ -155,6 +156,12 @@ enum Command {
     /// again at every start. WHEELARM_CACHE names another folder, or `off`.
     #[command(after_long_help = manual::CACHE)]
     Cache(CacheArgs),
+    /// Imports homes that were drawn with Sweet Home 3D, and lists the homes of packs.
+    ///
+    /// An import writes a world pack: walls, rooms, furniture with collision shapes, doors
+    /// and drawers on joints, a start for the chair. Servers find it with --packs.
+    #[command(subcommand, after_long_help = manual::HOME)]
+    Home(HomeCommand),
     /// Checks, lists, sends and extracts world packs: homes and kinds of furniture and objects.
     ///
     /// A server finds packs in its folders (--packs, WHEELARM_PACKS); the name of a pack with a
@@ -249,6 +256,7 @@ impl Command {
         matches!(
             self,
             Self::Cache(_)
+                | Self::Home(_)
                 | Self::Keys(_)
                 | Self::Users(_)
                 | Self::Router(_)
@@ -397,6 +405,7 @@ fn run(cli: Cli, connect: Connect) -> anyhow::Result<ExitCode> {
         Command::Doctor(args) => return doctor::run(&connect, args),
         Command::Shutdown(args) => client()?.shutdown(args.force)?,
         Command::Cache(args) => print!("{}", cache::run(args)?),
+        Command::Home(command) => print!("{}", home::run(command)?),
         Command::Pack(command) => print!("{}", world_pack::run(command, client)?),
         Command::Keys(command) => accounts::keys(keys, command)?,
         Command::Users(command) => accounts::users(keys, command)?,

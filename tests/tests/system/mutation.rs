@@ -250,13 +250,16 @@ fn below(folder: &Path, ending: &str) -> Vec<String> {
 }
 
 #[test]
-fn damaged_packs_do_not_panic() {
+fn damaged_packs_and_reach_maps_do_not_panic() {
     let flat = root().join("tests/data/flat");
     let pack = wheelarm_pack::Pack::open(&flat).expect("the flat");
     let zip = pack.to_zip().expect("a zip file");
     read_damaged("pack", &zip, 1500, decoders::pack_zip);
     let home = std::fs::read(flat.join("home.toml")).expect("a home");
     read_damaged("home.toml", &home, 400, decoders::home_toml);
+    let map = root().join("assets/robots/wheelarm/reach.bin");
+    let map = std::fs::read(map).expect("a reach map");
+    read_damaged("reach.bin", &map, 200, decoders::reach_map);
 }
 
 #[test]
@@ -281,4 +284,21 @@ fn damaged_assets_do_not_panic() {
     }
     let square = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3//1 4//1\n";
     read_damaged("square.obj", square, 1500, decoders::obj);
+}
+
+#[test]
+fn damaged_homes_do_not_panic() {
+    let good = br#"<?xml version='1.0'?>
+<home version='7000' wallHeight='250.0' selectedLevel='a'>
+<level id='a' name='Ground' elevation='0.0' height='250.0'/>
+<furnitureGroup name='Table' level='a'>
+<pieceOfFurniture name='Table' model='1' x='10' y='1e2' angle='1.5' width='80' depth='60' height='70'
+ modelRotation='1 0 0 0 1 0 0 0 1'><material name='a' color='FF336699' shininess='0.5'/></pieceOfFurniture>
+</furnitureGroup>
+<wall id='w' wallAtStart='v' xStart='0' yStart='0' xEnd='400' yEnd='0' thickness='10' arcExtent='0.5'>
+<texture attribute='leftSideTexture' image='2' width='40' height='20'/>
+<baseboard attribute='leftSideBaseboard' thickness='1' height='7'/></wall>
+<room name='K&#252;che'><point x='0' y='0'/><point x='400' y='0'/><point x='400' y='300'/></room>
+</home>"#;
+    read_damaged("home", good, 1500, decoders::home);
 }

@@ -303,6 +303,20 @@ pub const CACHE: &str = manual!(
     "\n  WHEELARM_CACHE    folder of the cache; off for none"
 );
 
+/// `wheelarm home`.
+pub const HOME: &str = manual!(
+    "  wheelarm home import FLAT.sh3d --name anna-flat
+  wheelarm home import HOUSE.sh3d --name house --level 2 --without chairs,rugs
+  wheelarm home list
+  wheelarm home report anna-flat --out anna-report
+  wheelarm-server --packs packs --scene anna-flat
+",
+    "  0  imported, listed or reported; what was left out is printed
+  1  the file is not a home, has no closed room, or the pack or robot cannot be read or written
+",
+    "\n  WHEELARM_PACKS    folders of packs; an import writes into the first"
+);
+
 /// `wheelarm completions`.
 pub const COMPLETIONS: &str = manual!(
     "  wheelarm completions bash > ~/.local/share/bash-completion/completions/wheelarm

@@ -1,0 +1,266 @@
+//! `wheelarm home`: imports homes of Sweet Home 3D as packs, lists the homes of packs, reports
+//! what a robot reaches in them.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, Subcommand, ValueEnum};
+use wheelarm_import::{Joints, Options, Summary, import_file, slug, write};
+use wheelarm_pack::{PACKS_VARIABLE, Store};
+
+use crate::home_report::{self, ReportArgs};
+
+/// Folder of packs when neither --out nor WHEELARM_PACKS names one.
+const FOLDER: &str = "packs";
+/// Names of pieces that are printed for one reason.
+const MOST_NAMES: usize = 12;
+
+/// Commands of `wheelarm home`.
+#[derive(Subcommand, Debug)]
+pub enum HomeCommand {
+    /// Imports a home that was drawn with Sweet Home 3D, as a pack.
+    ///
+    /// Prints what is in the pack and every piece that is not, with the reason. A pack of
+    /// the same name is replaced.
+    Import(ImportArgs),
+    /// Lists the homes of the packs.
+    List(ListArgs),
+    /// Reports what a robot reaches in a home, why not the rest, and what to move.
+    ///
+    /// Rooms that the chair enters, clear widths of doors, surfaces within the arm's reach,
+    /// places to turn, beside DIN 18040-2. A home that the chair cannot enter has a report too.
+    Report(ReportArgs),
+}
+
+/// Arguments of `wheelarm home import`.
+#[derive(Args, Debug)]
+pub struct ImportArgs {
+    /// File of Sweet Home 3D 5.3 or newer, .sh3d.
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// Name of the pack and of its scene; by default from the name of the file.
+    #[arg(long)]
+    name: Option<String>,
+    /// Level of the home: its name, or its number from the lowest, the first being 1.
+    ///
+    /// By default the level that was shown when the file was saved.
+    #[arg(long)]
+    level: Option<String>,
+    /// Kinds of furniture that are left out, for example chairs,rugs.
+    #[arg(long, value_name = "KINDS", value_delimiter = ',')]
+    without: Vec<String>,
+    /// Doors and drawers of furniture that move.
+    #[arg(long, value_enum, default_value_t = JointsOption::All)]
+    joints: JointsOption,
+    /// License of the home when the file states none, for example CC-BY-4.0.
+    #[arg(long, alias = "license", value_name = "TEXT")]
+    licence: Option<String>,
+    /// Folder of packs; by default the first of WHEELARM_PACKS, otherwise packs.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+/// Values of --joints.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum JointsOption {
+    /// All that the models describe.
+    All,
+    /// None: furniture stays closed.
+    None,
+}
+
+/// Arguments of `wheelarm home list`.
+#[derive(Args, Debug)]
+pub struct ListArgs {
+    /// Folder of packs; may be given several times. By default those of WHEELARM_PACKS,
+    /// otherwise packs.
+    #[arg(long, value_name = "DIR")]
+    packs: Vec<PathBuf>,
+}
+
+/// Runs a command and returns its output.
+///
+/// # Errors
+/// When the file is not a home that can be imported, or the pack cannot be written.
+pub fn run(command: &HomeCommand) -> anyhow::Result<String> {
+    match command {
+        HomeCommand::Import(args) => import(args, &folders()),
+        HomeCommand::List(args) if args.packs.is_empty() => list(folders()),
+        HomeCommand::List(args) => list(args.packs.clone()),
+        HomeCommand::Report(args) => home_report::run(args, &folders()),
+    }
+}
+
+/// The folders of packs: those of the environment, or the default.
+fn folders() -> Vec<PathBuf> {
+    let named = std::env::var_os(PACKS_VARIABLE).unwrap_or_default();
+    let folders: Vec<PathBuf> = std::env::split_paths(&named)
+        .filter(|folder| !folder.as_os_str().is_empty())
+        .collect();
+    if folders.is_empty() {
+        vec![FOLDER.into()]
+    } else {
+        folders
+    }
+}
+
+fn import(args: &ImportArgs, folders: &[PathBuf]) -> anyhow::Result<String> {
+    let stem = args.file.file_stem().map(|stem| stem.to_string_lossy());
+    let name = args.name.clone().unwrap_or_else(|| match stem {
+        Some(stem) => slug(&stem, 64),
+        None => String::new(),
+    });
+    let options = Options {
+        name: if name.is_empty() { "home".into() } else { name },
+        level: args.level.clone(),
+        without: args.without.clone(),
+        joints: match args.joints {
+            JointsOption::All => Joints::All,
+            JointsOption::None => Joints::None,
+        },
+        licence: args.licence.clone(),
+    };
+    let imported = import_file(&args.file, &options)?;
+    let folder = match (&args.out, folders.first()) {
+        (Some(out), _) => out,
+        (None, Some(first)) => first,
+        (None, None) => Path::new(FOLDER),
+    };
+    let path = write(&imported.pack, folder)?;
+    let mut text = describe(&options.name, &imported.summary)?;
+    writeln!(text, "digests: {}", imported.pack.id())?;
+    writeln!(text, "written: {}", path.display())?;
+    writeln!(
+        text,
+        "next: wheelarm-server --packs {} --scene {}",
+        folder.display(),
+        options.name
+    )?;
+    Ok(text)
+}
+
+/// What an import did, as text.
+fn describe(name: &str, summary: &Summary) -> anyhow::Result<String> {
+    let mut text = String::new();
+    write!(text, "{name}: ")?;
+    if !summary.level.is_empty() {
+        write!(text, "level {:?}, ", summary.level)?;
+    }
+    writeln!(
+        text,
+        "{} rooms, {} outside, {} walls, {} open passages, {} closed doors and windows",
+        summary.rooms, summary.outside, summary.walls, summary.passages, summary.closed
+    )?;
+    writeln!(
+        text,
+        "{} of {} pieces, {} doors and {} drawers on joints, {} surfaces",
+        summary.placed, summary.found, summary.hinges, summary.rails, summary.surfaces
+    )?;
+    writeln!(
+        text,
+        "{} triangles, {} collision shapes",
+        summary.triangles, summary.shapes
+    )?;
+    if !summary.other_levels.is_empty() {
+        let levels = summary.other_levels.join(", ");
+        writeln!(text, "other levels: {levels}; --level imports one of them")?;
+    }
+    for (reason, names) in summary.left_out_by_reason() {
+        let all: usize = names.values().sum();
+        let mut shown: Vec<String> = names
+            .iter()
+            .take(MOST_NAMES)
+            .map(|(name, count)| match count {
+                1 => (*name).to_owned(),
+                count => format!("{name} ({count})"),
+            })
+            .collect();
+        if names.len() > MOST_NAMES {
+            shown.push(format!("{} other names", names.len() - MOST_NAMES));
+        }
+        writeln!(text, "left out, {all}: {}: {reason}", shown.join(", "))?;
+    }
+    for note in &summary.notes {
+        writeln!(text, "note: {note}")?;
+    }
+    Ok(text)
+}
+
+fn list(folders: Vec<PathBuf>) -> anyhow::Result<String> {
+    let mut text = String::new();
+    let store = Store::new(folders);
+    for (name, path) in store.candidates() {
+        match wheelarm_pack::Pack::open(&path) {
+            Ok(pack) => {
+                let Some(home) = pack.home() else {
+                    continue;
+                };
+                let surfaces: usize = home
+                    .piece
+                    .iter()
+                    .filter_map(|piece| pack.kinds().get(&piece.kind))
+                    .map(|kind| kind.surfaces.len())
+                    .sum();
+                writeln!(
+                    text,
+                    "{name}  {} rooms, {} pieces, {surfaces} surfaces, licence {}  {}",
+                    home.room.len(),
+                    home.piece.len(),
+                    home.license,
+                    path.display()
+                )?;
+            }
+            Err(error) => writeln!(text, "{name}  not usable: {error}")?,
+        }
+    }
+    if text.is_empty() {
+        let folders: Vec<String> = store
+            .folders()
+            .iter()
+            .map(|folder| folder.display().to_string())
+            .collect();
+        writeln!(
+            text,
+            "no homes in {}; import one with `wheelarm home import FILE.sh3d`, or name a folder with --packs",
+            folders.join(", ")
+        )?;
+    }
+    Ok(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn summary_names_every_piece_that_is_left_out() {
+        let left = |name: &str| wheelarm_import::LeftOut {
+            name: name.into(),
+            reason: "--without chairs".into(),
+        };
+        let summary = Summary {
+            found: 3,
+            placed: 1,
+            left_out: vec![left("Chair"), left("Chair")],
+            other_levels: vec!["Roof".into()],
+            notes: vec!["licence of the home is not stated".into()],
+            ..Summary::default()
+        };
+        let text = describe("flat", &summary).unwrap();
+        for part in [
+            "1 of 3 pieces",
+            "left out, 2: Chair (2): --without chairs",
+            "other levels: Roof",
+            "note: licence",
+        ] {
+            assert!(text.contains(part), "{part:?} in {text}");
+        }
+    }
+
+    #[test]
+    fn folder_without_homes_names_the_next_step() {
+        let folder = tempfile::tempdir().unwrap();
+        let text = list(vec![folder.path().into()]).unwrap();
+        assert!(text.contains("wheelarm home import"), "{text}");
+    }
+}

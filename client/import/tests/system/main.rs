@@ -1,0 +1,5 @@
+//! Imports of whole homes, built here: what is in the pack, and what malformed files give.
+
+mod flat;
+mod home;
+mod malformed;
