@@ -218,7 +218,7 @@ fn sent_pack_is_stored_by_digest_and_serves_as_a_scene() {
     let stored = Store::new(vec![store.clone()]).open("flat");
     assert_eq!(stored.expect("a pack").expect("one").id(), flat().id());
 
-    // Files that are no packs, or have other names, are not stored.
+    // Other files and packs with the name of a scene are not stored.
     let client = server.client();
     let put = |zip: &[u8], digest: &str| {
         client.request(&v1::PackPutRequest {
