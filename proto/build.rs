@@ -14,9 +14,10 @@ use protox::prost_reflect::{
 };
 
 /// The messages, by idea. The table of topics follows this order.
-const FILES: [&str; 16] = [
+const FILES: [&str; 17] = [
     "wheelarm/v1/common.proto",
     "wheelarm/v1/appearance.proto",
+    "wheelarm/v1/pack.proto",
     "wheelarm/v1/scenario.proto",
     "wheelarm/v1/scene.proto",
     "wheelarm/v1/robot.proto",
@@ -36,7 +37,7 @@ const FILES: [&str; 16] = [
 const PACKAGE: &str = "wheelarm.v1";
 
 /// Messages whose bytes (images and saved states) are shared instead of copied.
-const SHARED_BYTES: [&str; 7] = [
+const SHARED_BYTES: [&str; 9] = [
     ".wheelarm.v1.CameraFrame",
     ".wheelarm.v1.CompressedCameraFrame",
     ".wheelarm.v1.SensorFrame",
@@ -44,11 +45,14 @@ const SHARED_BYTES: [&str; 7] = [
     ".wheelarm.v1.PolicyImage",
     ".wheelarm.v1.SnapshotReply.snapshot",
     ".wheelarm.v1.ResetRequest.snapshot",
+    ".wheelarm.v1.PackFile.zip",
+    ".wheelarm.v1.PackPutRequest.piece",
 ];
 
 /// What makes up a scenario: people write it as TOML.
-const WRITTEN: [&str; 15] = [
+const WRITTEN: [&str; 16] = [
     ".wheelarm.v1.Scenario",
+    ".wheelarm.v1.PackRef",
     ".wheelarm.v1.CameraSetting",
     ".wheelarm.v1.SensorSetting",
     ".wheelarm.v1.CameraPlace",

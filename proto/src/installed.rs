@@ -5,6 +5,9 @@ use std::path::{Path, PathBuf};
 /// Environment variable with the path of the assets folder.
 pub const ASSETS_VARIABLE: &str = "WHEELARM_ASSETS";
 
+/// Environment variable with folders of world packs, separated as in `PATH`.
+pub const PACKS_VARIABLE: &str = "WHEELARM_PACKS";
+
 /// The assets folder of the working directory.
 const HERE: &str = "assets";
 

@@ -16,6 +16,8 @@ pub mod digest;
 pub mod endpoint;
 pub mod exact;
 #[cfg(feature = "nalgebra")]
+pub mod furniture;
+#[cfg(feature = "nalgebra")]
 pub mod geometry;
 pub mod installed;
 pub mod keys;

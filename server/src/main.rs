@@ -9,6 +9,7 @@ use anyhow::{Context, bail};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{CommandFactory, Parser};
 use wheelarm_access::Folder;
+use wheelarm_pack::Store as PackStore;
 use wheelarm_proto::appearance::AppearanceText;
 use wheelarm_proto::cache::Store;
 use wheelarm_proto::endpoint::check_endpoint;
@@ -24,8 +25,8 @@ use wheelarm_server::robot::RobotModel;
 use wheelarm_server::scene::Scene;
 use wheelarm_server::sensors::camera::{Graphics, Renderer};
 use wheelarm_server::service::session::Reach;
-use wheelarm_server::service::{self, OpenAhead, Options, startup};
-use wheelarm_server::sim::{Scenario, SimError, Simulation};
+use wheelarm_server::service::{self, OpenAhead, Options, packs, startup};
+use wheelarm_server::sim::{Scenario, ScenePack, SimError, Simulation};
 use wheelarm_server::tasks::{self, Floor, TaskSpec, table};
 
 /// Headless simulation of a wheelchair with a robotic arm in a home.
@@ -69,7 +70,7 @@ struct Args {
     /// Pacing of simulation time [default: real-time].
     #[arg(long, value_parser = named::<Pacing>())]
     pacing: Option<Pacing>,
-    /// Scene below assets/scenes [default: home].
+    /// Scene below assets/scenes, or the home of a world pack [default: home].
     #[arg(long)]
     scene: Option<String>,
     /// Task below assets/tasks; an empty name for none [default: pick_mustard].
@@ -92,6 +93,15 @@ struct Args {
     /// Assets folder.
     #[arg(long, env = "WHEELARM_ASSETS")]
     assets: Option<PathBuf>,
+    /// Folder of world packs, whose homes are scenes; may be repeated [default: the user's,
+    /// ~/.local/share/wheelarm/packs].
+    #[arg(
+        long,
+        value_name = "DIR",
+        env = installed::PACKS_VARIABLE,
+        value_delimiter = ':'
+    )]
+    packs: Vec<PathBuf>,
     /// Camera as NAME=WIDTHxHEIGHT@HZ: one of the robot's, `*` for each robot camera
     /// that is not named, or `room`. May be repeated [default: `*=1280x720@10`].
     #[arg(long, value_parser = v1::CameraSetting::from_text, conflicts_with = "no_cameras")]
@@ -194,6 +204,20 @@ fn seeds(text: &str) -> Result<std::ops::Range<u64>, String> {
     seeds.ok_or_else(|| format!("{text:?} is not A..B with A below B, for example 0..1000"))
 }
 
+/// The scene of a request.
+fn scene_of(assets: &Path, packs: &PackStore, request: &v1::Scenario) -> anyhow::Result<Scene> {
+    let mut scenario = startup::scenario(request)?;
+    packs::attach(assets, packs, &mut scenario).map_err(anyhow::Error::msg)?;
+    scene(assets, &scenario)
+}
+
+fn scene(assets: &Path, scenario: &Scenario) -> anyhow::Result<Scene> {
+    Ok(match &scenario.pack {
+        ScenePack::Open(pack) => Scene::from_pack(assets, pack)?,
+        ScenePack::Search | ScenePack::Exactly(_) => Scene::load(assets, &scenario.scene)?,
+    })
+}
+
 /// Prints the samples of a task.
 fn print_samples(
     assets: &Path,
@@ -201,7 +225,7 @@ fn print_samples(
     seeds: std::ops::Range<u64>,
 ) -> anyhow::Result<()> {
     let model = RobotModel::load(assets, &scenario.robot)?;
-    let home = Scene::load(assets, &scenario.scene)?;
+    let home = scene(assets, scenario)?;
     let task = TaskSpec::load(
         assets,
         &scenario.task,
@@ -233,6 +257,7 @@ fn print_samples(
 /// Prints the instructions of a task.
 fn print_sentences(
     assets: &Path,
+    packs: &PackStore,
     request: &v1::Scenario,
     seeds: std::ops::Range<u64>,
     split: Option<LanguageSplit>,
@@ -254,6 +279,7 @@ fn print_sentences(
             request.language = Some(language.clone());
             let mut scenario = startup::scenario(&request)?;
             scenario.cameras.clear();
+            packs::attach(assets, packs, &mut scenario).map_err(anyhow::Error::msg)?;
             let sim = Simulation::new(assets, scenario)?;
             let scenario = sim.scenario();
             let line = serde_json::json!({
@@ -323,6 +349,7 @@ impl Args {
             connect: _,
             multicast: _,
             assets: _,
+            packs: _,
             no_cameras: _,
             adapter: _,
             end_with_stdin: _,
@@ -496,10 +523,15 @@ async fn serve(args: Args) -> anyhow::Result<()> {
         return Ok(());
     }
     let assets = assets(args.assets.clone())?;
+    let packs = PackStore::search(&args.packs, &assets);
     if args.list_tasks {
         let robot = args.robot.clone().unwrap_or(Scenario::default().robot);
         let model = RobotModel::load(&assets, &robot)?;
-        let tasks = service::tasks(&assets, &model.settings.gripper.corridor)
+        let scene = match &args.scene {
+            Some(_) => Some(scene_of(&assets, &packs, &args.scenario()?)?),
+            None => None,
+        };
+        let tasks = service::tasks(&assets, scene.as_ref(), &model.settings.gripper.corridor)
             .map_err(anyhow::Error::msg)?;
         if args.json {
             println!("{}", tasks_to_json(&tasks)?);
@@ -518,16 +550,19 @@ async fn serve(args: Args) -> anyhow::Result<()> {
     }
     let keys = Keys::new(&args.sim)?;
     let mut scenario = startup::scenario(&args.scenario()?)?;
+    packs::attach(&assets, &packs, &mut scenario).map_err(anyhow::Error::msg)?;
     if let Some(seeds) = args.draws {
         return print_samples(&assets, &scenario, seeds);
     }
     if let Some(seeds) = args.sentences.clone() {
         let request = args.scenario()?;
-        return print_sentences(&assets, &request, seeds, args.language_split, args.each);
+        let split = args.language_split;
+        return print_sentences(&assets, &packs, &request, seeds, split, args.each);
     }
     if args.no_cameras {
         scenario.cameras.clear();
     }
+    packs::report(&assets, &packs);
     let pacing = scenario.pacing;
     let graphics = Graphics::for_adapter(args.adapter.as_deref()).caching(Store::open());
     let draws = !scenario.cameras.is_empty();
@@ -558,6 +593,7 @@ async fn serve(args: Args) -> anyhow::Result<()> {
         no_cameras: args.no_cameras,
         depth: Depth::Metres,
         access,
+        packs,
     };
     let (name, end_with_stdin) = (args.sim, args.end_with_stdin);
     // Handle signals from here on: a client may end the server as soon as it is ready.

@@ -4,14 +4,14 @@
 //! `render_bench [--assets DIR] [--pairs N] [--width W] [--height H]
 //! [--quality fast|draft|standard|high] [--adapter NAME] [--packing adapter|processor]`
 //!
-//! With `--appearance SEED` the same under an appearance of that seed, one pair by turns with
+//! With `--appearance SEED` the same under an appearance of that seed, one pair at a time in turn with
 //! none: as ratios of the rate without.
 //!
 //! `--packing` chooses where images are packed; the default is that of the server. With
-//! `--compare-packing` both run, one pair by turns, and must return the same bytes, except
+//! `--compare-packing` both run, in alternation, and must return the same bytes, except
 //! for single pixels of coincident surfaces.
 //!
-//! With `--compare-quality QUALITY` also that quality, one pair by turns: as ratios of the
+//! With `--compare-quality QUALITY` also that quality, in alternation: as ratios of the
 //! rate and of the processor time, under the appearance of `--appearance` where that is given.
 //!
 //! With `--parts` also prints the adapter's time for each part of a pair; with
@@ -68,7 +68,7 @@ struct Options {
     /// Where images are packed: adapter or processor.
     #[arg(long)]
     packing: Option<String>,
-    /// Both, one pair by turns.
+    /// Both, in alternation.
     #[arg(long)]
     compare_packing: bool,
     /// Time of each part on the adapter, if it supports timestamps; then no pair is
@@ -320,7 +320,7 @@ fn render_scene(options: &Options, robot: &RobotModel, scene: &Scene) -> Result<
     })
 }
 
-/// Pairs of two qualities by turns.
+/// Pairs of two qualities in alternation.
 fn compare_quality(
     options: &Options,
     qualities: [Quality; 2],
@@ -366,7 +366,7 @@ fn compare_quality(
     Ok(())
 }
 
-/// Pairs that the processor packs and pairs that the adapter packs, by turns.
+/// Pairs that the processor packs and pairs that the adapter packs, in alternation.
 fn compare_packing(
     options: &Options,
     quality: Quality,

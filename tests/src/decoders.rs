@@ -3,10 +3,11 @@
 //! test of this package call the same functions.
 
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use wheelarm_dataset::{columns, log};
+use wheelarm_pack::Pack;
 use wheelarm_policy::{ChunkExecutor, ExecutorOptions, Player};
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{Message, Query, Rpc, StreamId, TopicId, check, v1};
@@ -87,6 +88,8 @@ fn decode_query_messages(query: Query, bytes: &[u8]) {
         Query::Episode => decode_query::<v1::EpisodeRequest>(query, bytes),
         Query::Snapshot => decode_query::<v1::SnapshotRequest>(query, bytes),
         Query::Sensors => decode_query::<v1::SensorsRequest>(query, bytes),
+        Query::Packs => decode_query::<v1::PacksRequest>(query, bytes),
+        Query::PackPut => decode_query::<v1::PackPutRequest>(query, bytes),
         Query::Shutdown => decode_query::<v1::ShutdownRequest>(query, bytes),
     }
 }
@@ -211,6 +214,28 @@ pub fn home(bytes: &[u8]) {
     };
     let _ = wheelarm_import::import("home.sh3d", bytes.to_vec(), &options);
     let _ = wheelarm_import::sh3d::parse("home.sh3d", bytes);
+}
+
+/// The zip file of a world pack, and the scene of its home.
+pub fn pack_zip(bytes: &[u8]) {
+    if let Ok(pack) = Pack::from_zip(bytes) {
+        let again = Pack::from_zip(&pack.to_zip().expect("a zip file")).expect("a pack");
+        assert_eq!(again.files(), pack.files());
+        let _ = Scene::from_pack(&root().join("assets"), &Arc::new(pack));
+    }
+}
+
+/// The home of a world pack in place of the right one.
+pub fn home_toml(bytes: &[u8]) {
+    static FLAT: OnceLock<Pack> = OnceLock::new();
+    let flat = FLAT.get_or_init(|| {
+        Pack::open(&root().join("tests/data/flat")).expect("the pack of this repository")
+    });
+    let mut files = flat.files().clone();
+    files.insert("home.toml".into(), bytes.to_vec());
+    if let Ok(pack) = Pack::from_files(files) {
+        let _ = Scene::from_pack(&root().join("assets"), &Arc::new(pack));
+    }
 }
 
 /// One file of the assets in place of the right one, and everything that is

@@ -152,6 +152,7 @@ pub fn rejected_field(scenario: &v1::Scenario) -> Option<(&'static str, &'static
         variant_share: _,
         sensors: _,
         time_limit_seconds: _,
+        packs: _,
     } = scenario;
     [
         ("task", task.is_some(), "list tasks in [[task]]"),
@@ -453,6 +454,7 @@ fn take_images_and_rates(scenario: &mut v1::Scenario) -> [String; 7] {
         variant_share: _,
         sensors: _,
         time_limit_seconds: _,
+        packs: _,
     } = scenario;
     cameras.clear();
     *quality = v1::RenderQuality::Unspecified.into();

@@ -15,6 +15,7 @@ use wheelarm_teleop_web::{Gateway, Options};
 
 use crate::control::refuse_closed;
 use wheelarm_options::choice;
+use wheelarm_options::packs::PackArgs;
 
 /// Default address of the page.
 const PAGE: &str = "127.0.0.1:7460";
@@ -33,6 +34,12 @@ pub struct DriveArgs {
     /// to a running one.
     #[arg(long, value_name = "TASK")]
     pub task: Option<String>,
+    /// Scene of that server: one of the assets, or the home of a world pack.
+    #[arg(long, default_value = defaults::SCENE, requires = "task")]
+    pub scene: String,
+    /// World packs of that server.
+    #[command(flatten)]
+    pub packs: PackArgs,
     /// Seed of that server's scenario.
     #[arg(long, default_value_t = 0, requires = "task")]
     pub seed: u64,
@@ -129,13 +136,14 @@ impl OwnServer {
         let (width, height, rate) = args.images;
         let server = Server::start(&ServerOptions {
             scenario: v1::Scenario {
-                scene: defaults::SCENE.to_owned(),
+                scene: args.scene.clone(),
                 task: Some(task.to_owned()),
                 seed: Some(args.seed),
                 cameras: vec![all_cameras(width, height, rate)],
                 pacing: v1::Pacing::RealTime.into(),
                 ..v1::Scenario::default()
             },
+            packs: args.packs.packs.clone(),
             ..ServerOptions::default()
         })?;
         let recorder = args

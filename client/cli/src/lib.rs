@@ -15,3 +15,4 @@ pub mod operate;
 #[cfg(feature = "hdf5")]
 pub mod record;
 pub mod watch;
+pub mod world_pack;

@@ -33,6 +33,7 @@ use wheelarm_cli::operate::{self, OperateArgs};
 #[cfg(feature = "hdf5")]
 use wheelarm_cli::record::{self, RecordArgs};
 use wheelarm_cli::watch::{self, WatchArgs};
+use wheelarm_cli::world_pack::{self, PackCommand};
 use wheelarm_options::connect::ConnectArgs;
 use wheelarm_proto::log;
 use wheelarm_proto::output::end_with_output;
@@ -161,6 +162,12 @@ enum Command {
     /// and drawers on joints, a start for the chair. Servers find it with --packs.
     #[command(subcommand, after_long_help = manual::HOME)]
     Home(HomeCommand),
+    /// Checks, lists, sends and extracts world packs: homes and kinds of furniture and objects.
+    ///
+    /// A server finds packs in its folders (--packs, WHEELARM_PACKS); the name of a pack with a
+    /// home is the name of a scene. Recordings contain their packs.
+    #[command(subcommand, after_long_help = manual::PACK)]
+    Pack(PackCommand),
     /// Makes the keys that authenticate users and servers.
     ///
     /// On the host of the server: a certificate authority, the server's certificate, and a
@@ -243,6 +250,9 @@ enum Command {
 impl Command {
     /// Whether the command needs only files.
     fn needs_only_files(&self) -> bool {
+        if let Self::Pack(command) = self {
+            return command.needs_only_files();
+        }
         matches!(
             self,
             Self::Cache(_)
@@ -396,6 +406,7 @@ fn run(cli: Cli, connect: Connect) -> anyhow::Result<ExitCode> {
         Command::Shutdown(args) => client()?.shutdown(args.force)?,
         Command::Cache(args) => print!("{}", cache::run(args)?),
         Command::Home(command) => print!("{}", home::run(command)?),
+        Command::Pack(command) => print!("{}", world_pack::run(command, client)?),
         Command::Keys(command) => accounts::keys(keys, command)?,
         Command::Users(command) => accounts::users(keys, command)?,
         Command::Router(args) => accounts::route(keys, args)?,

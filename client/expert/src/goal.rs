@@ -2,6 +2,7 @@
 
 use nalgebra::Point3;
 use wheelarm_proto::check::{self, Invalid};
+use wheelarm_proto::furniture::JointMotion;
 use wheelarm_proto::geometry::normalized;
 use wheelarm_proto::v1;
 
@@ -37,42 +38,56 @@ pub enum Goal {
         /// Its tip in its own frame.
         tip: Point3<f64>,
     },
-    /// A slide is to be pulled open.
+    /// Furniture on a joint is to be pulled open.
     Open {
         /// Index of the sliding furniture.
         item: usize,
         /// Index of the slide.
         slide: usize,
-        /// Wanted joint position, metres.
+        /// Wanted joint position, metres or radians.
         position: f64,
     },
-    /// A slide is to be pushed shut.
+    /// Furniture on a joint is to be pushed shut.
     Close {
         /// Index of the sliding furniture.
         item: usize,
         /// Index of the slide.
         slide: usize,
-        /// Wanted joint position, metres.
+        /// Wanted joint position, metres or radians.
         position: f64,
     },
 }
 
-/// A slide is moved beyond the goal by this much, metres.
+/// A joint is moved beyond the goal by this much, metres or, of what turns, radians.
 const MORE: f64 = 0.02;
+const MORE_TURN: f64 = 0.06;
 
 impl Goal {
-    /// The slide to move and the joint position at which the hand aims, metres: a
-    /// little beyond the goal.
+    /// The furniture on a joint to move, by its index among the slides.
     #[must_use]
-    pub fn slide(&self) -> Option<(usize, f64)> {
+    pub fn slide(&self) -> Option<usize> {
+        match *self {
+            Self::Lift { .. } | Self::Put { .. } | Self::Give { .. } | Self::Bring { .. } => None,
+            Self::Open { slide, .. } | Self::Close { slide, .. } => Some(slide),
+        }
+    }
+
+    /// The furniture on a joint to move and the position at which the hand aims, metres
+    /// or radians: a little beyond the goal.
+    #[must_use]
+    pub fn aim(&self, scene: &SceneModel) -> Option<(usize, f64)> {
+        let more = match scene.slides.get(self.slide()?)?.motion {
+            JointMotion::Slides => MORE,
+            JointMotion::Turns => MORE_TURN,
+        };
         match *self {
             Self::Lift { .. } | Self::Put { .. } | Self::Give { .. } | Self::Bring { .. } => None,
             Self::Open {
                 slide, position, ..
-            } => Some((slide, position + MORE)),
+            } => Some((slide, position + more)),
             Self::Close {
                 slide, position, ..
-            } => Some((slide, (position - MORE).max(0.0))),
+            } => Some((slide, (position - more).max(0.0))),
         }
     }
 
@@ -150,7 +165,7 @@ impl Goal {
                     .ok_or_else(|| {
                         unknown("joint of the goal", &goal.joint, "a joint of the scene")
                     })?;
-                let position = check::within("position of the goal", goal.position, 0.0, 2.0)?;
+                let position = check::within("position of the goal", goal.position, 0.0, 3.2)?;
                 Some(match kind {
                     v1::GoalKind::Close => Self::Close {
                         item,

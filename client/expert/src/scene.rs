@@ -1,7 +1,8 @@
 //! The scene: the checked reply of the `scene` query. Decisions are made elsewhere.
 
-use nalgebra::{Isometry3, Point3, Translation3, Unit, Vector3};
+use nalgebra::{Isometry3, Point3, Unit, Vector3};
 use wheelarm_proto::check::{self, Invalid};
+use wheelarm_proto::furniture::JointMotion;
 use wheelarm_proto::geometry::normalized;
 use wheelarm_proto::v1;
 
@@ -19,7 +20,7 @@ pub struct Item {
     pub boxes: Vec<Obb>,
 }
 
-/// A piece of furniture that slides, for example a drawer.
+/// A piece of furniture on a joint: a drawer slides, a door turns.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Slide {
     /// Name of the joint.
@@ -28,9 +29,57 @@ pub struct Slide {
     pub item: usize,
     /// Its pose in `house` at joint position 0.
     pub rest: Isometry3<f64>,
-    /// Direction of growing positions in `house`.
+    /// Whether it slides or turns.
+    pub motion: JointMotion,
+    /// Direction of growing positions in `house`, or the axis through the origin of
+    /// `rest` about which they grow.
     pub axis: Unit<Vector3<f64>>,
 }
+
+/// Poses along the arc of what turns, between its ends.
+const ARC_STOPS: u32 = 8;
+
+impl Slide {
+    /// Its pose in `house` at a joint position, metres or radians.
+    #[must_use]
+    pub fn pose(&self, position: f64) -> Isometry3<f64> {
+        self.motion.pose(&self.axis, &self.rest, position)
+    }
+
+    /// Poses in `house` through which a hand at `hand` moves that holds it while its
+    /// position changes by `by`, metres or radians: the end alone of what slides, stops
+    /// along the arc of what turns.
+    #[must_use]
+    pub fn carried(&self, hand: &Isometry3<f64>, by: f64) -> Vec<Isometry3<f64>> {
+        let stops = match self.motion {
+            JointMotion::Slides => 1,
+            JointMotion::Turns => ARC_STOPS,
+        };
+        let at = |share: f64| self.motion.displacement(&self.axis, &self.rest, by * share) * hand;
+        let shares = (1..=stops).map(|stop| f64::from(stop) / f64::from(stops));
+        shares.map(at).collect()
+    }
+
+    /// A length along the path of the hand, metres, as a change of the position: itself
+    /// of what slides, an angle of what turns about an axis `radius` metres away.
+    #[must_use]
+    pub fn change(&self, length: f64, radius: f64) -> f64 {
+        match self.motion {
+            JointMotion::Slides => length,
+            JointMotion::Turns => length / radius.max(NEAREST_HANDLE),
+        }
+    }
+
+    /// Distance of a point in `house` from the axis, metres.
+    #[must_use]
+    pub fn radius(&self, point: &Point3<f64>) -> f64 {
+        let arm = point.coords - self.rest.translation.vector;
+        (arm - self.axis.scale(arm.dot(&self.axis))).norm()
+    }
+}
+
+/// A handle is at least this far from the axis of what turns, metres.
+const NEAREST_HANDLE: f64 = 0.05;
 
 /// A grasp of an object.
 #[derive(Clone, Debug, PartialEq)]
@@ -151,6 +200,7 @@ fn read_slide(joint: &v1::FurnitureJoint, item: usize) -> Result<Slide, Invalid>
         name: joint.name.clone(),
         item,
         rest: normalized("rest pose of a joint", joint.rest.as_ref())?,
+        motion: JointMotion::of(joint),
         axis: Unit::new_normalize(axis.into()),
     })
 }
@@ -266,7 +316,7 @@ impl SceneModel {
     pub fn poses(&self, observation: &Observation) -> Vec<Isometry3<f64>> {
         let slides = self.slides.iter().enumerate().map(|(index, slide)| {
             let position = observation.slides.get(index).copied().unwrap_or(0.0);
-            Translation3::from(slide.axis.scale(position)) * slide.rest
+            slide.pose(position)
         });
         observation.objects.iter().copied().chain(slides).collect()
     }

@@ -24,14 +24,14 @@ pub struct Home {
     pub areas: Vec<HomeArea>,
     /// Category and colour by kind of object.
     pub kinds: BTreeMap<String, [String; 2]>,
-    /// Sliding furniture.
+    /// Furniture on joints.
     pub slides: Vec<HomeSlide>,
     /// Other furniture with a surface that belongs to an area, for example a mat: name,
     /// area, middle of the surface in `house`, and whether it is optional.
     pub goals: Vec<(String, String, Area, bool)>,
 }
 
-/// Sliding furniture.
+/// Furniture on a joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HomeSlide {
     /// Its name.
@@ -42,7 +42,11 @@ pub struct HomeSlide {
     pub category: String,
     /// Origin at joint position 0 in `house`, m.
     pub origin: [f64; 3],
-    /// Sliding axis, unit vector in `house`.
+    /// Where it is grasped at joint position 0, in `house`, m: the origin of what slides.
+    pub handle: [f64; 3],
+    /// It turns about the axis through its origin; positions are radians.
+    pub turns: bool,
+    /// Axis of the joint, unit vector in `house`.
     pub axis: [f64; 3],
 }
 
@@ -68,6 +72,14 @@ struct Furniture {
     #[serde(default)]
     surfaces: Vec<Surface>,
     slide: Option<Slide>,
+    hinge: Option<Slide>,
+    #[serde(default)]
+    grasps: Vec<Grasp>,
+}
+
+#[derive(Clone, Deserialize)]
+struct Grasp {
+    point: [f64; 3],
 }
 
 #[derive(Clone, Deserialize)]
@@ -138,18 +150,33 @@ impl Home {
             let area = own.area.clone().or(model.and_then(|m| m.area.clone()));
             let Some(area) = area else { continue };
             let turn = own.yaw_deg.to_radians();
-            if let Some(slide) = own.slide.as_ref().or(model.and_then(|m| m.slide.as_ref())) {
+            let slide = own.slide.as_ref().or(model.and_then(|m| m.slide.as_ref()));
+            let hinge = own.hinge.as_ref().or(model.and_then(|m| m.hinge.as_ref()));
+            if let Some(joint) = slide.or(hinge) {
                 let category = own
                     .category
                     .clone()
                     .or(model.and_then(|m| m.category.clone()));
-                let axis = turned(slide.axis, turn);
+                let turns = slide.is_none();
+                let mut grasps = own
+                    .grasps
+                    .iter()
+                    .chain(model.into_iter().flat_map(|m| &m.grasps));
+                let handle = match grasps.next().filter(|_| turns) {
+                    None => own.at,
+                    Some(grasp) => {
+                        let point = turned(grasp.point, turn);
+                        [0, 1, 2].map(|i| own.at[i] + point[i])
+                    }
+                };
                 self.slides.push(HomeSlide {
                     name: own.name.clone(),
                     area,
                     category: category.unwrap_or_default(),
                     origin: own.at,
-                    axis,
+                    handle,
+                    turns,
+                    axis: turned(joint.axis, turn),
                 });
                 continue;
             }

@@ -39,7 +39,7 @@ pub use expand::{MOST_HULL_VERTICES, expand};
 pub use pack::{Pack, PackName};
 pub use path::ASSET_PREFIX;
 pub use polygon::{area, check_outline, contains};
-pub use store::{PACKS_VARIABLE, Store};
+pub use store::{Store, user_folder};
 pub use tables::home::{HomeFile, OpeningEntry, OpeningKind, PieceEntry, RoomEntry, WallEntry};
 pub use tables::kind::{JointEntry, KindFile};
 pub use tables::manifest::{FORMAT, Manifest, SourceEntry, UNKNOWN};
@@ -50,6 +50,7 @@ pub use tables::part::{
     RoundedBoxEntry, SphereEntry,
 };
 pub use tables::scene::{
-    FurnitureEntry, LightEntry, ObjectEntry, RoomCameraEntry, SceneFile, SlideEntry, StartEntry,
-    SurfaceEntry,
+    FurnitureEntry, HingeEntry, LightEntry, ObjectEntry, RoomCameraEntry, SceneFile, SlideEntry,
+    StartEntry, SurfaceEntry,
 };
+pub use wheelarm_proto::installed::PACKS_VARIABLE;

@@ -8,9 +8,6 @@ use crate::digest::{Digest, to_hex};
 use crate::error::{PackError, Place};
 use crate::{Pack, PackName};
 
-/// Environment variable with folders of packs, separated as in `PATH`.
-pub const PACKS_VARIABLE: &str = "WHEELARM_PACKS";
-
 /// Separates the name of a pack from its digest in the name of a stored file.
 const AT: char = '@';
 
@@ -26,6 +23,17 @@ impl Store {
     #[must_use]
     pub fn new(folders: Vec<PathBuf>) -> Self {
         Self { folders }
+    }
+
+    /// The folders of `--packs`, or [`user_folder`] without any, and `packs` in the assets.
+    #[must_use]
+    pub fn search(named: &[PathBuf], assets: &Path) -> Self {
+        let own = match named.is_empty() {
+            true => user_folder().into_iter().collect(),
+            false => named.to_vec(),
+        };
+        let shipped = assets.join("packs");
+        Self::new(own.into_iter().chain([shipped]).collect())
     }
 
     /// Its folders.
@@ -66,15 +74,24 @@ impl Store {
             .collect()
     }
 
-    /// Opens the first pack of this name; `None` when there is none.
+    /// Opens the pack of this name in the first folder that has one, of several the one that
+    /// was written last; `None` when there is none.
     ///
     /// # Errors
     /// [`PackError`] when that pack is not valid.
     pub fn open(&self, name: &str) -> Result<Option<Pack>, PackError> {
-        let mut candidates = self.candidates().into_iter();
-        let Some((_, path)) = candidates.find(|(found, _)| found == name) else {
+        let candidates = self.candidates().into_iter();
+        let paths: Vec<PathBuf> = candidates
+            .filter(|(found, _)| found == name)
+            .map(|(_, path)| path)
+            .collect();
+        let folder = paths.first().and_then(|path| path.parent());
+        let written = |path: &&PathBuf| fs::metadata(path).and_then(|about| about.modified()).ok();
+        let beside = paths.iter().filter(|path| path.parent() == folder);
+        let Some(path) = beside.max_by_key(written) else {
             return Ok(None);
         };
+        let path = path.clone();
         let pack = Pack::open(&path)?;
         if pack.id().name != name {
             return Err(Place::file("pack.toml").key("name").wrong(
@@ -86,17 +103,27 @@ impl Store {
         Ok(Some(pack))
     }
 
-    /// Opens the pack of this name with these digests; `None` when there is none. Packs of the
-    /// name that cannot be opened are passed over.
+    /// Opens the first pack of this name whose identity fits; `None` when there is none. Packs
+    /// that cannot be opened are passed over.
     #[must_use]
-    pub fn open_exactly(&self, wanted: &PackName) -> Option<Pack> {
+    pub fn open_where(&self, name: &str, fits: impl Fn(&PackName) -> bool) -> Option<Pack> {
+        let mut packs = self.of_name(name);
+        packs.find(|pack| fits(pack.id()))
+    }
+
+    /// The identities of all packs of this name, as text.
+    #[must_use]
+    pub fn identities(&self, name: &str) -> Vec<String> {
+        let packs = self.of_name(name);
+        packs.map(|pack| pack.id().to_string()).collect()
+    }
+
+    fn of_name(&self, name: &str) -> impl Iterator<Item = Pack> {
         let candidates = self.candidates().into_iter();
         candidates
-            .filter(|(name, _)| *name == wanted.name)
+            .filter(move |(found, _)| found == name)
             .filter_map(|(_, path)| Pack::open(&path).ok())
-            .find(|pack| {
-                (pack.id().physics, pack.id().rendering) == (wanted.physics, wanted.rendering)
-            })
+            .filter(move |pack| pack.id().name == name)
     }
 
     /// Writes a pack as `NAME@DIGEST.zip` into a folder. A pack with equal digests is kept.
@@ -120,6 +147,18 @@ impl Store {
         pack.write_zip(&path)?;
         Ok(path)
     }
+}
+
+/// The user's folder of packs: `wheelarm/packs` below `XDG_DATA_HOME`, by default
+/// `~/.local/share`.
+#[must_use]
+pub fn user_folder() -> Option<PathBuf> {
+    let absolute = |name: &str| {
+        let folder = PathBuf::from(std::env::var_os(name)?);
+        folder.is_absolute().then_some(folder)
+    };
+    let data = absolute("XDG_DATA_HOME").or_else(|| Some(absolute("HOME")?.join(".local/share")));
+    Some(data?.join("wheelarm/packs"))
 }
 
 /// Digits of both digests in the name of a stored file.

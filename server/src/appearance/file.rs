@@ -9,14 +9,14 @@ use serde::{Deserialize, Deserializer};
 use wheelarm_proto::exact;
 
 use crate::geometry::{Family, texture};
-use crate::scene::{Place, SceneError, parse, provenance};
+use crate::scene::{Place, Scene, SceneError, parse, parse_packed, provenance};
 
 /// The file.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub(super) struct AppearanceFile {
-    origin: String,
-    license: String,
+    pub origin: String,
+    pub license: String,
     /// Centre of the reflections, metres in `house`.
     pub centre: [f64; 3],
     /// Lowest and highest corner of the room, metres in `house`.
@@ -218,11 +218,27 @@ fn some<'de, T: Deserialize<'de>, D: Deserializer<'de>>(from: D) -> Result<Vec<T
     Ok(list)
 }
 
-/// Reads and checks the appearances of a scene.
+/// The appearances of a scene: those of its file, or derived from the rooms of its pack.
+pub(super) fn for_scene(assets: &Path, scene: &Scene) -> Result<AppearanceFile, SceneError> {
+    const OWN: &str = "appearance.toml";
+    let Some(pack) = &scene.pack else {
+        return load(assets, &scene.name);
+    };
+    match (pack.file(OWN), pack.home()) {
+        (None, Some(home)) => super::derive::appearances(assets, home),
+        _ => check(assets, &pack.asset_path(OWN), parse_packed(pack, OWN)?),
+    }
+}
+
+/// Reads and checks the appearances of a scene of the assets.
 pub(super) fn load(assets: &Path, scene: &str) -> Result<AppearanceFile, SceneError> {
     let path = format!("appearances/{scene}.toml");
     let file: AppearanceFile = parse(assets, &path)?;
-    let place = Place::file(&path);
+    check(assets, &path, file)
+}
+
+fn check(assets: &Path, path: &str, file: AppearanceFile) -> Result<AppearanceFile, SceneError> {
+    let place = Place::file(path);
     provenance(&place, &file.origin, &file.license)?;
     if !file.sky.iter().any(|sky| sky.strength == 1) {
         return Err(place.key("sky").wrong(

@@ -3,6 +3,7 @@
 //! affect the physics.
 
 mod camera;
+mod derive;
 mod file;
 mod irradiance;
 mod light;
@@ -60,13 +61,14 @@ pub struct SampledAppearance {
 }
 
 impl SampledAppearance {
-    /// Samples an appearance of a scene from `appearances/SCENE.toml`.
+    /// Samples an appearance of a scene from `appearances/SCENE.toml`, of a pack from its
+    /// `appearance.toml` or, without one, from its rooms.
     ///
     /// # Errors
     /// [`SceneError`] with the file, the line or key, the value found and the allowed
     /// values.
     pub fn new(appearance: Appearance, scene: &Scene, assets: &Path) -> Result<Self, SceneError> {
-        let file = file::load(assets, &scene.name)?;
+        let file = file::for_scene(assets, scene)?;
         let light = light::draw(&appearance, &file, scene.lighting);
         let gain = light::exposure(&appearance);
         let mut drawn = Self {

@@ -60,6 +60,7 @@ fn drawn(palette: &Palette, random: &mut Random, material: &Material) -> Materia
         .map(|Pattern { pattern, metres }| Texture {
             pattern: pattern.clone(),
             metres: *metres as f32,
+            file: None,
         });
     Material {
         color: color.unwrap_or(material.color),

@@ -7,10 +7,10 @@ use std::path::Path;
 
 use nalgebra::{Matrix4, Point3, Vector3};
 
-use super::TriMesh;
 use super::detail::drop_slivers;
 use super::load_normals::{box_uvs, crease_normals};
 use super::mesh::{MAX_TRIANGLES, MeshError};
+use super::{PackedFile, TriMesh};
 
 /// Reads an OBJ, glTF or GLB file: all its objects merged, metres, z up.
 ///
@@ -26,8 +26,14 @@ pub fn load(path: &Path) -> Result<TriMesh, MeshError> {
         .map(|e| e.to_string_lossy().to_ascii_lowercase())
         .unwrap_or_default();
     let soup = match extension.as_str() {
-        "obj" => load_obj(path)?,
-        "gltf" | "glb" => load_gltf(path)?,
+        "obj" => {
+            let bytes = fs::read(path).map_err(|e| unreadable(path, &e))?;
+            load_obj(path, &bytes)?
+        }
+        "gltf" | "glb" => {
+            let bytes = fs::read(path).map_err(|e| unreadable(path, &e))?;
+            load_gltf(path, &bytes, &|uri| read_uri(path, uri))?
+        }
         _ => {
             return Err(MeshError::UnknownFormat {
                 path: path.to_owned(),
@@ -35,6 +41,25 @@ pub fn load(path: &Path) -> Result<TriMesh, MeshError> {
             });
         }
     };
+    finish(path, soup)
+}
+
+/// The mesh of a pack's OBJ or GLB file, scaled along x, y, z with z up. It refers to no other
+/// file.
+///
+/// # Errors
+/// As [`load`].
+pub(super) fn load_packed(file: &PackedFile, scale: &[f64; 3]) -> Result<TriMesh, MeshError> {
+    let named = file.asset_path();
+    let path = Path::new(&named);
+    let mut soup = match file.path().rsplit_once('.') {
+        Some((_, "obj")) => load_obj(path, file.bytes())?,
+        _ => load_gltf(path, file.bytes(), &|_| {
+            let why = "refers to another file; export one GLB file with its buffers";
+            Err(malformed(path, why))
+        })?,
+    };
+    soup.scale(scale);
     finish(path, soup)
 }
 
@@ -51,6 +76,25 @@ struct Soup {
 }
 
 impl Soup {
+    /// Scales positions; a mirror image turns the triangles round.
+    fn scale(&mut self, scale: &[f64; 3]) {
+        for position in &mut self.positions {
+            for (value, scale) in position.iter_mut().zip(scale) {
+                *value = (f64::from(*value) * scale) as f32;
+            }
+        }
+        for normal in &mut self.normals {
+            let turned: [f64; 3] = std::array::from_fn(|k| f64::from(normal[k]) / scale[k]);
+            let length = turned.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-12);
+            *normal = turned.map(|x| (x / length) as f32);
+        }
+        if scale.iter().product::<f64>() < 0.0 {
+            for triangle in self.indices.as_chunks_mut::<3>().0 {
+                triangle.swap(1, 2);
+            }
+        }
+    }
+
     /// Appends one object; missing data is computed for the whole file later.
     fn append(
         &mut self,
@@ -126,9 +170,8 @@ fn obj_text(path: &Path, bytes: &[u8]) -> Result<String, MeshError> {
     Ok(text)
 }
 
-fn load_obj(path: &Path) -> Result<Soup, MeshError> {
-    let bytes = fs::read(path).map_err(|e| unreadable(path, &e))?;
-    let text = obj_text(path, &bytes)?;
+fn load_obj(path: &Path, bytes: &[u8]) -> Result<Soup, MeshError> {
+    let text = obj_text(path, bytes)?;
     let options = tobj::LoadOptions {
         single_index: true,
         triangulate: true,
@@ -168,10 +211,14 @@ pub(crate) fn check_glb_length(path: &Path, bytes: &[u8]) -> Result<(), MeshErro
     }
 }
 
-fn load_gltf(path: &Path) -> Result<Soup, MeshError> {
-    let bytes = fs::read(path).map_err(|e| unreadable(path, &e))?;
-    check_glb_length(path, &bytes)?;
-    let gltf::Gltf { document, blob } = gltf::Gltf::from_slice(&bytes)
+/// Parses a glTF or GLB file; `read_buffer` reads a buffer by its URI.
+fn load_gltf(
+    path: &Path,
+    bytes: &[u8],
+    read_buffer: &dyn Fn(&str) -> Result<Vec<u8>, MeshError>,
+) -> Result<Soup, MeshError> {
+    check_glb_length(path, bytes)?;
+    let gltf::Gltf { document, blob } = gltf::Gltf::from_slice(bytes)
         .map_err(|e| malformed(path, format!("not a valid glTF file ({e})")))?;
     let mut blob = blob;
     let buffers = document
@@ -181,7 +228,7 @@ fn load_gltf(path: &Path) -> Result<Soup, MeshError> {
                 gltf::buffer::Source::Bin => blob
                     .take()
                     .ok_or_else(|| malformed(path, "refers to a missing binary chunk"))?,
-                gltf::buffer::Source::Uri(uri) => read_uri(path, uri)?,
+                gltf::buffer::Source::Uri(uri) => read_buffer(uri)?,
             };
             if data.len() < buffer.length() {
                 return Err(malformed(

@@ -9,7 +9,9 @@ use wheelarm_proto::exact;
 pub use super::detail::Detail;
 use super::detail::drop_slivers;
 pub use super::load::load;
+use super::load::load_packed;
 use super::mesh_revolve::{Profile, revolve};
+use super::prism::prism;
 use super::{Shape, TriMesh};
 
 /// Largest number of triangles of one mesh file.
@@ -137,6 +139,8 @@ pub fn build_detail(
             detail,
         ),
         Shape::Lathe { profile } => turned(profile, detail),
+        Shape::Prism { outline, height } => prism(outline, *height),
+        Shape::PackedMesh { file, scale } => load_packed(file, scale)?,
         Shape::Mesh { path, scale } => {
             let mut mesh = load(&assets_dir.join(path))?;
             for position in &mut mesh.positions {
@@ -246,6 +250,18 @@ fn check(shape: &Shape) -> Result<(), MeshError> {
                 "the greatest profile radius",
                 profile.iter().map(|p| p[0]).fold(0.0, f64::max),
             )
+        }
+        Shape::Prism { outline, height } => {
+            if outline.len() < 3 {
+                return bad(format!(
+                    "the outline has {} corners, at least 3 are needed",
+                    outline.len()
+                ));
+            }
+            positive("height", *height)
+        }
+        Shape::PackedMesh { scale, .. } => {
+            scale.iter().try_for_each(|s| positive("scale", s.abs()))
         }
         Shape::Mesh { scale, .. } => positive("scale", *scale),
     }

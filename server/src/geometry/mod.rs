@@ -6,12 +6,15 @@ mod load;
 mod load_normals;
 pub mod mesh;
 mod mesh_revolve;
+mod packed_file;
 pub mod plush;
+mod prism;
 pub mod tetrahedra;
 pub mod texture;
 
 pub(crate) use load::check_glb_length;
 pub(crate) use load_normals::box_uvs;
+pub use packed_file::PackedFile;
 
 use nalgebra::{Isometry3, Vector3};
 
@@ -76,6 +79,20 @@ pub enum Shape {
         /// Points `[radius, z]`.
         profile: Vec<[f64; 2]>,
     },
+    /// Polygon with a thickness, from z = 0 upwards; for visuals only.
+    Prism {
+        /// Corners `[x, y]` of a polygon that does not cross itself.
+        outline: Vec<[f64; 2]>,
+        /// Along z.
+        height: f64,
+    },
+    /// Mesh file (OBJ or GLB) of a world pack; for visuals only.
+    PackedMesh {
+        /// The file.
+        file: PackedFile,
+        /// Metres per unit of the file along x, y, z with z up; a negative one mirrors.
+        scale: [f64; 3],
+    },
     /// Mesh file (OBJ or glTF) below the assets folder; collides as its convex hull.
     Mesh {
         /// Below the assets folder.
@@ -135,6 +152,8 @@ pub struct Texture {
     pub pattern: String,
     /// Metres of surface per repetition.
     pub metres: f32,
+    /// The image of a world pack; `None` for one of the assets.
+    pub file: Option<PackedFile>,
 }
 
 /// A rendered part.
@@ -194,6 +213,18 @@ pub fn bounds(shape: &Shape) -> Option<(Vector3<f64>, Vector3<f64>)> {
                 standing(fold(f64::max, 0, 0.0), low, high)
             }
         }
-        Shape::Mesh { .. } => None,
+        Shape::Prism { outline, height } => {
+            let fold = |f: fn(f64, f64) -> f64, i: usize, from: f64| {
+                outline.iter().map(|p| p[i]).fold(from, f)
+            };
+            let low = [0, 1].map(|i| fold(f64::min, i, f64::INFINITY));
+            let high = [0, 1].map(|i| fold(f64::max, i, f64::NEG_INFINITY));
+            let half = |i: usize| (high[i] - low[i]) / 2.0;
+            (low[0] <= high[0]).then(|| {
+                let centre = Vector3::new(low[0] + half(0), low[1] + half(1), height / 2.0);
+                (centre, Vector3::new(half(0), half(1), height / 2.0))
+            })
+        }
+        Shape::Mesh { .. } | Shape::PackedMesh { .. } => None,
     }
 }

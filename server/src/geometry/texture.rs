@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 
 use wheelarm_proto::cache::{self, Key, Store};
 
+use super::{PackedFile, Texture};
+
 /// Pixels along each side.
 pub const SIZE: usize = 512;
 
@@ -53,7 +55,8 @@ pub fn names(assets: &Path) -> Vec<String> {
 /// Whether it is a label: fitted to the height of its body, replacing the colour.
 #[must_use]
 pub fn is_label(pattern: &str) -> bool {
-    pattern.starts_with("label_")
+    let name = pattern.rsplit('/').next().unwrap_or(pattern);
+    name.starts_with("label_")
 }
 
 /// Whether it has a grain along `u` that follows the longer side of a board.
@@ -122,6 +125,25 @@ pub fn read(assets: &Path, name: &str) -> Result<Source, TextureError> {
             path,
             reason: error.to_string(),
         }),
+    }
+}
+
+/// Reads the image of a texture: of its pack, or below the assets folder.
+///
+/// # Errors
+/// When the file cannot be read.
+pub fn read_of(assets: &Path, texture: &Texture) -> Result<Source, TextureError> {
+    match &texture.file {
+        None => read(assets, &texture.pattern),
+        Some(file) => Ok(packed(file)),
+    }
+}
+
+fn packed(file: &PackedFile) -> Source {
+    Source {
+        path: PathBuf::from(file.asset_path()),
+        file: file.bytes().to_vec(),
+        key: cache::key(KIND, &[DECODER, file.bytes()]),
     }
 }
 

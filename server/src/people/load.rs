@@ -232,6 +232,7 @@ fn material(appearances: &AppearancesFile, drawn: &SampledPerson, name: &str) ->
         texture: table.texture.as_ref().map(|t| Texture {
             pattern: t.pattern.clone(),
             metres: t.metres,
+            file: None,
         }),
         family: None,
         transmission: 0.0,

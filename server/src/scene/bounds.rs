@@ -1,9 +1,9 @@
 //! Axis-aligned bounds of shapes in a given frame.
 
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 
 use super::Body;
-use crate::geometry::{Part, Shape};
+use crate::geometry::{self, Part, Shape};
 
 /// An axis-aligned box, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -100,11 +100,32 @@ fn of_part(pose: &Isometry3<f64>, part: &Part) -> Option<Bounds> {
             .iter()
             .map(|&[r, z]| ring(r, z))
             .reduce(|a, b| a.union(&b))?,
-        Shape::Mesh { .. } => return None,
+        Shape::Prism { outline, height } => {
+            let corners = outline
+                .iter()
+                .flat_map(|[x, y]| [0.0, *height].map(|z| at * Point3::new(*x, *y, z)));
+            Bounds::of_points(corners)?
+        }
+        Shape::Mesh { .. } | Shape::PackedMesh { .. } => return None,
     })
 }
 
 impl Body {
+    /// Boxes around the colliding parts: body_from_box and half extents, metres. The box of a
+    /// hull is aligned with the body.
+    pub fn collision_boxes(&self) -> impl Iterator<Item = (Isometry3<f64>, Vector3<f64>)> + '_ {
+        let parts = self.collision.iter().filter_map(|part| {
+            let (centre, half) = geometry::bounds(&part.shape)?;
+            Some((part.pose * Translation3::from(centre), half))
+        });
+        let hulls = self.hulls.iter().filter_map(|hull| {
+            let bounds = Bounds::of_points(hull.iter().copied())?;
+            let half = bounds.size() / 2.0;
+            Some((Isometry3::from((bounds.min + half).coords), half))
+        });
+        parts.chain(hulls)
+    }
+
     /// Bounds of the colliding parts when the body is at `pose`; `None` when none
     /// collides.
     #[must_use]

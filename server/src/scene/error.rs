@@ -25,6 +25,9 @@ pub enum SceneError {
         /// The fix.
         cure: String,
     },
+    /// An invalid world pack.
+    #[error(transparent)]
+    Pack(#[from] Box<wheelarm_pack::PackError>),
     /// An invalid file of the grammar.
     #[error(transparent)]
     Language(Box<wheelarm_language::GrammarError>),
@@ -112,6 +115,17 @@ impl Place {
                 cure,
             ))
         }
+    }
+
+    /// Rejects an edge of a box that no floor or wall of a home has.
+    pub(crate) fn edge(&self, metres: f64) -> Result<f64, SceneError> {
+        self.within(
+            metres,
+            0.0005,
+            100.0,
+            "m",
+            "lengths are metres: 250 mm is 0.25",
+        )
     }
 
     /// Rejects a length that no object in a home has.

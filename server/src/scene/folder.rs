@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
+use wheelarm_pack::Pack;
 
+use super::Scene;
 use super::error::{Place, SceneError};
 
 /// A text of the assets used by a scenario.
@@ -83,6 +85,58 @@ fn unreadable(assets: &Path, path: &str, source: std::io::Error) -> SceneError {
 pub(crate) fn parse<T: DeserializeOwned>(assets: &Path, path: &str) -> Result<T, SceneError> {
     toml::from_str(&text(assets, path)?).map_err(|source| SceneError::Parse {
         file: path.to_owned(),
+        source: Box::new(source),
+        cure: "correct the key or the value at the mark".to_owned(),
+    })
+}
+
+/// Files of a scene: those of its pack, then those of the assets.
+#[derive(Clone, Copy)]
+pub(crate) struct Files<'a> {
+    assets: &'a Path,
+    pack: Option<&'a Pack>,
+}
+
+impl<'a> Files<'a> {
+    /// Of the assets alone.
+    pub(crate) fn of_assets(assets: &'a Path) -> Self {
+        Self { assets, pack: None }
+    }
+
+    /// Of the scene.
+    pub(crate) fn of_scene(assets: &'a Path, scene: &'a Scene) -> Self {
+        let pack = scene.pack.as_deref();
+        Self { assets, pack }
+    }
+
+    /// Names (without `.toml`) of the files in a folder, sorted.
+    pub(crate) fn names(&self, folder: &str) -> Result<Vec<String>, SceneError> {
+        let mut all = names(self.assets, folder)?;
+        let packed = self.pack.into_iter();
+        all.extend(packed.flat_map(|p| {
+            p.names(folder, "toml")
+                .map(str::to_owned)
+                .collect::<Vec<_>>()
+        }));
+        all.sort();
+        all.dedup();
+        Ok(all)
+    }
+
+    /// A file as its file type.
+    pub(crate) fn parse<T: DeserializeOwned>(&self, path: &str) -> Result<T, SceneError> {
+        match self.pack.filter(|pack| pack.file(path).is_some()) {
+            Some(pack) => parse_packed(pack, path),
+            None => parse(self.assets, path),
+        }
+    }
+}
+
+/// A file of a pack as its file type.
+pub(crate) fn parse_packed<T: DeserializeOwned>(pack: &Pack, path: &str) -> Result<T, SceneError> {
+    let bytes = pack.file(path).unwrap_or_default();
+    toml::from_str(&String::from_utf8_lossy(bytes)).map_err(|source| SceneError::Parse {
+        file: pack.asset_path(path),
         source: Box::new(source),
         cure: "correct the key or the value at the mark".to_owned(),
     })

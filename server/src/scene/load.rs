@@ -2,12 +2,15 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Unit, UnitQuaternion, Vector3};
+use wheelarm_pack::Pack;
+use wheelarm_proto::furniture::JointMotion;
 
 use super::error::{Place, SceneError};
 use super::file::{
-    FurnitureEntry, LightEntry, ObjectEntry, RoomCameraEntry, SceneFile, SlideEntry,
+    FurnitureEntry, HingeEntry, LightEntry, ObjectEntry, RoomCameraEntry, SceneFile, SlideEntry,
 };
 use super::folder::{names, parse, provenance};
 use super::part::Reader;
@@ -24,11 +27,49 @@ impl Scene {
     pub fn load(assets: &Path, name: &str) -> Result<Self, SceneError> {
         let path = format!("scenes/{name}.toml");
         let file: SceneFile = parse(assets, &path)?;
-        let place = Place::file(&path);
+        Self::from_file(assets, None, name, &path, &file)
+    }
+
+    /// The home of a world pack. Materials and objects that the pack lacks are those of the
+    /// assets.
+    ///
+    /// # Errors
+    /// When the pack has no home, or a value is invalid.
+    pub fn from_pack(assets: &Path, pack: &Arc<Pack>) -> Result<Self, SceneError> {
+        let name = &pack.id().name;
+        let path = pack.asset_path("home.toml");
+        let Some(home) = pack.home() else {
+            return Err(Place::file(&path).key("home.toml").wrong(
+                "absent",
+                "a pack with a home",
+                "name another scene: this pack has furniture or objects only",
+            ));
+        };
+        let file = SceneFile {
+            origin: home.origin.clone(),
+            license: home.license.clone(),
+            light: home.light.clone(),
+            room_camera: home.room_camera.clone(),
+            start: home.start.clone(),
+            furniture: pack.furniture().map_err(Box::new)?,
+            object: home.object.clone(),
+        };
+        Self::from_file(assets, Some(pack), name, &path, &file)
+    }
+
+    fn from_file(
+        assets: &Path,
+        pack: Option<&Arc<Pack>>,
+        name: &str,
+        path: &str,
+        file: &SceneFile,
+    ) -> Result<Self, SceneError> {
+        let place = Place::file(path);
         provenance(&place, &file.origin, &file.license)?;
-        let materials = material::library(assets)?;
+        let materials = material::library(assets, pack)?;
         let reader = Reader {
             assets,
+            pack,
             materials: &materials,
         };
         let mut scene = Self {
@@ -46,6 +87,7 @@ impl Scene {
             },
             room_camera: room_camera(&place.key("room_camera"), &file.room_camera)?,
             files: Vec::new(),
+            pack: pack.cloned(),
         };
         let mut entries: BTreeMap<&str, &FurnitureEntry> = BTreeMap::new();
         for entry in &file.furniture {
@@ -71,13 +113,13 @@ impl Scene {
             unused_name(&place, &scene, &entry.name)?;
             scene.add_object(&reader, &place, entry)?;
         }
-        scene.files = scene.texts_behind(&file, path, names(assets, "materials")?);
+        scene.files = scene.texts_behind(file, path, names(assets, "materials")?);
         Ok(scene)
     }
 
     /// The text files of this scene, sorted: itself, every material file, every kind of
-    /// object, every mesh in text form.
-    fn texts_behind(&self, file: &SceneFile, own: String, materials: Vec<String>) -> Vec<String> {
+    /// object, every mesh in text form. Without those of a pack, which is stored whole.
+    fn texts_behind(&self, file: &SceneFile, own: &str, materials: Vec<String>) -> Vec<String> {
         let materials = materials
             .iter()
             .map(|name| format!("materials/{name}.toml"));
@@ -90,8 +132,12 @@ impl Scene {
             let path = path.to_ascii_lowercase();
             path.ends_with(".obj") || path.ends_with(".gltf")
         });
-        let mut paths = vec![own];
+        let mut paths = vec![own.to_owned()];
         paths.extend(materials.chain(objects).chain(meshes));
+        if let Some(pack) = &self.pack {
+            let is_own = |path: &String| path == own || pack.file(path).is_some();
+            paths.retain(|path| !is_own(path));
+        }
         paths.sort();
         paths.dedup();
         paths
@@ -152,9 +198,25 @@ impl Scene {
             tip: None,
             optional: entry.optional,
         };
-        if let Some(slide) = entry.slide.as_ref().or(model.slide.as_ref()) {
-            let joint = self.slide(&place.key("slide"), &body, slide)?;
-            self.joints.push(joint);
+        let slide = entry.slide.as_ref().or(model.slide.as_ref());
+        let hinge = entry.hinge.as_ref().or(model.hinge.as_ref());
+        match (slide, hinge) {
+            (None, None) => {}
+            (Some(slide), None) => {
+                let joint = self.slide(&place.key("slide"), &body, slide)?;
+                self.joints.push(joint);
+            }
+            (None, Some(hinge)) => {
+                let joint = self.hinge(&place.key("hinge"), &body, hinge)?;
+                self.joints.push(joint);
+            }
+            (Some(_), Some(_)) => {
+                return Err(place.key("hinge").wrong(
+                    "given beside slide",
+                    "one joint per furniture",
+                    "remove one of the two, or split the furniture",
+                ));
+            }
         }
         self.furniture.push(body);
         Ok(())
@@ -199,33 +261,19 @@ impl Scene {
         Ok(())
     }
 
-    /// The joint of the next furniture.
+    /// The joint of the next furniture, which slides.
     fn slide(
         &self,
         place: &Place,
         body: &Body,
         entry: &SlideEntry,
     ) -> Result<FurnitureJoint, SceneError> {
-        let carrier = self.furniture_named(&entry.on).ok_or_else(|| {
-            place.key("on").wrong(
-                format!("{:?}", entry.on),
-                "the name of furniture further up",
-                "correct the name or move the entry down",
-            )
-        })?;
-        let axis = Unit::try_new(body.pose.rotation * Vector3::from(entry.axis), 1e-3);
-        let axis = axis.ok_or_else(|| {
-            place.key("axis").wrong(
-                format!("{:?}", entry.axis),
-                "a direction",
-                "for example [1, 0, 0]: forward in the furniture's frame",
-            )
-        })?;
         Ok(FurnitureJoint {
             name: format!("{}_joint", body.name),
             furniture: self.furniture.len(),
-            carrier,
-            axis,
+            carrier: self.carrier(place, &entry.on)?,
+            motion: JointMotion::Slides,
+            axis: axis(place, body, entry.axis, "[1, 0, 0]: forward")?,
             travel: place.key("travel").length(entry.travel)?,
             mass: object::mass(place, entry.mass, entry.com, entry.inertia, body)?,
             resistance: Resistance {
@@ -248,6 +296,61 @@ impl Scene {
         })
     }
 
+    /// The joint of the next furniture, which turns.
+    fn hinge(
+        &self,
+        place: &Place,
+        body: &Body,
+        entry: &HingeEntry,
+    ) -> Result<FurnitureJoint, SceneError> {
+        Ok(FurnitureJoint {
+            name: format!("{}_joint", body.name),
+            furniture: self.furniture.len(),
+            carrier: self.carrier(place, &entry.on)?,
+            motion: JointMotion::Turns,
+            axis: axis(place, body, entry.axis, "[0, 0, 1]: upwards")?,
+            travel: place
+                .key("travel_deg")
+                .within(
+                    entry.travel_deg,
+                    1.0,
+                    MOST_TURN_DEG,
+                    "degrees",
+                    "a cabinet door opens by 90 to 110",
+                )?
+                .to_radians(),
+            mass: object::mass(place, entry.mass, entry.com, entry.inertia, body)?,
+            resistance: Resistance {
+                friction: place.key("friction").within(
+                    entry.friction,
+                    0.0,
+                    100.0,
+                    "N·m",
+                    "it is a torque: a cabinet door resists with 0.3 to 1 N·m",
+                )?,
+                damping: place.key("damping").within(
+                    entry.damping,
+                    0.0,
+                    1000.0,
+                    "N·m·s",
+                    "it is a torque per turn rate",
+                )?,
+            },
+            start: 0.0,
+        })
+    }
+
+    /// Index of the furniture that carries a joint.
+    fn carrier(&self, place: &Place, on: &str) -> Result<usize, SceneError> {
+        self.furniture_named(on).ok_or_else(|| {
+            place.key("on").wrong(
+                format!("{on:?}"),
+                "the name of furniture further up",
+                "correct the name or move the entry down",
+            )
+        })
+    }
+
     fn add_object(
         &mut self,
         reader: &Reader<'_>,
@@ -255,7 +358,9 @@ impl Scene {
         entry: &ObjectEntry,
     ) -> Result<(), SceneError> {
         let kind = entry.kind.as_deref().unwrap_or(&entry.name);
-        let known = names(reader.assets, "objects")?;
+        let mut known = names(reader.assets, "objects")?;
+        let packed = reader.pack.iter();
+        known.extend(packed.flat_map(|p| p.names("objects", "toml").map(str::to_owned)));
         if !known.iter().any(|name| name == kind) {
             return Err(place.key("kind").wrong(
                 format!("{kind:?}"),
@@ -371,6 +476,26 @@ fn yaw(place: &Place, degrees: f64) -> Result<Vector3<f64>, SceneError> {
             .key("yaw_deg")
             .within(degrees, -360.0, 360.0, "degrees", "angles are degrees")?;
     Ok(Vector3::z() * degrees.to_radians())
+}
+
+/// Largest angle of a hinge: short of a whole turn, positions are unique.
+const MOST_TURN_DEG: f64 = 175.0;
+
+/// The axis of a joint in `house`.
+fn axis(
+    place: &Place,
+    body: &Body,
+    axis: [f64; 3],
+    example: &str,
+) -> Result<Unit<Vector3<f64>>, SceneError> {
+    let found = Unit::try_new(body.pose.rotation * Vector3::from(axis), 1e-3);
+    found.ok_or_else(|| {
+        place.key("axis").wrong(
+            format!("{axis:?}"),
+            "a direction",
+            format!("for example {example} in the furniture's frame"),
+        )
+    })
 }
 
 fn lighting(place: &Place, entry: &LightEntry) -> Result<Lighting, SceneError> {

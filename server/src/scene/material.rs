@@ -2,14 +2,50 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
+
+use wheelarm_pack::Pack;
 
 use super::error::{Place, SceneError};
 use super::file::{MaterialEntry, MaterialFile};
 use super::folder;
-use crate::geometry::{Material, Texture, texture};
+use crate::geometry::{Material, PackedFile, Texture, texture};
+
+/// Every material below `assets/materials`, and those of a pack, which replace materials of
+/// equal names.
+pub(super) fn library(
+    assets: &Path,
+    pack: Option<&Arc<Pack>>,
+) -> Result<BTreeMap<String, Material>, SceneError> {
+    let mut all = of_assets(assets)?;
+    let Some(pack) = pack else {
+        return Ok(all);
+    };
+    let textures = texture::names(assets);
+    for name in pack.names("materials", "toml") {
+        let path = format!("materials/{name}.toml");
+        let file: MaterialFile = folder::parse_packed(pack, &path)?;
+        let place = Place::file(&pack.asset_path(&path));
+        for (name, entry) in file.material {
+            let place = place.key("material").key(&name);
+            let own = |pattern: &str| PackedFile::find(pack, &format!("textures/{pattern}.png"));
+            let file = entry.texture.as_ref().and_then(|t| own(&t.pattern));
+            let mut known = textures.clone();
+            known.extend(pack.names("textures", "png").map(str::to_owned));
+            let mut material = material(&place, &name, &entry, &known)?;
+            if let (Some(texture), Some(file)) = (&mut material.texture, file) {
+                let path = file.asset_path();
+                texture.pattern = path.trim_end_matches(".png").to_owned();
+                texture.file = Some(file);
+            }
+            all.insert(name, material);
+        }
+    }
+    Ok(all)
+}
 
 /// Every material below `assets/materials`, in the order of their names.
-pub(super) fn library(assets: &Path) -> Result<BTreeMap<String, Material>, SceneError> {
+fn of_assets(assets: &Path) -> Result<BTreeMap<String, Material>, SceneError> {
     let mut all: BTreeMap<String, (String, Material)> = BTreeMap::new();
     let textures = texture::names(assets);
     for name in folder::names(assets, "materials")? {
@@ -61,6 +97,7 @@ fn material(
             Some(Texture {
                 pattern: entry.pattern.clone(),
                 metres: place.key("metres").length(entry.metres)? as f32,
+                file: None,
             })
         }
     };

@@ -18,11 +18,15 @@ pub use bounds::Bounds;
 pub(crate) use error::Place;
 pub use error::SceneError;
 pub use folder::{AssetText, texts};
-pub(crate) use folder::{names, parse, provenance, text};
+pub(crate) use folder::{Files, names, parse, parse_packed, provenance, text};
 pub use object::object;
 pub use soft::Soft;
 
+use std::sync::Arc;
+
 use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};
+use wheelarm_pack::Pack;
+use wheelarm_proto::furniture::JointMotion;
 
 use crate::geometry::{Part, Visual};
 
@@ -37,7 +41,7 @@ pub struct Scene {
     pub objects: Vec<Body>,
     /// Surfaces for placing objects.
     pub surfaces: Vec<Surface>,
-    /// Sliding furniture.
+    /// Joints of furniture that slides or turns.
     pub joints: Vec<FurnitureJoint>,
     /// Light.
     pub lighting: Lighting,
@@ -47,6 +51,8 @@ pub struct Scene {
     pub room_camera: RoomCamera,
     /// Its text files, below the assets folder and sorted.
     pub files: Vec<String>,
+    /// Its world pack; `None` for a scene of the assets.
+    pub pack: Option<Arc<Pack>>,
 }
 
 /// A body of the scene.
@@ -101,7 +107,7 @@ pub struct Surface {
     pub width: f64,
 }
 
-/// Furniture that slides along an axis, for example a drawer.
+/// Furniture on a joint: a drawer slides along an axis, a door turns about one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FurnitureJoint {
     /// Unique name, for example `drawer_1_joint`.
@@ -109,26 +115,38 @@ pub struct FurnitureJoint {
     /// Index into `Scene::furniture` of the moving body. Its pose there is that at
     /// joint position 0.
     pub furniture: usize,
-    /// Index into `Scene::furniture` of the body in which it slides.
+    /// Index into `Scene::furniture` of the body that carries it.
     pub carrier: usize,
-    /// Direction of increasing positions in `house`.
+    /// Whether it slides or turns.
+    pub motion: JointMotion,
+    /// Direction of increasing positions in `house`, or the axis of positive angles
+    /// through the origin of the moving body.
     pub axis: Unit<Vector3<f64>>,
-    /// Largest position, metres; the smallest is 0.
+    /// Largest position, metres or radians; the smallest is 0.
     pub travel: f64,
     /// Mass properties of the moving body.
     pub mass: MassProperties,
     /// Friction.
     pub resistance: Resistance,
-    /// Initial position, metres.
+    /// Initial position, metres or radians.
     pub start: f64,
 }
 
-/// Friction of sliding furniture.
+impl FurnitureJoint {
+    /// Pose of the moving body in `house` at a position, metres or radians; `rest` is
+    /// that at position 0.
+    #[must_use]
+    pub fn pose(&self, rest: &Isometry3<f64>, position: f64) -> Isometry3<f64> {
+        self.motion.pose(&self.axis, rest, position)
+    }
+}
+
+/// Friction of furniture on a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Resistance {
-    /// Dry friction, N.
+    /// Dry friction, N or N·m.
     pub friction: f64,
-    /// Viscous friction, N·s/m.
+    /// Viscous friction, N·s/m or N·m·s.
     pub damping: f64,
 }
 

@@ -18,8 +18,20 @@ const HARDEST: f64 = 1000.0;
 /// Reads one object; it is at the origin and has no area yet.
 pub(super) fn read(reader: &Reader<'_>, kind: &str) -> Result<Body, SceneError> {
     let path = format!("objects/{kind}.toml");
-    let file: ObjectFile = folder::parse(reader.assets, &path)?;
-    let place = Place::file(&path);
+    let packed = reader.pack.filter(|pack| pack.file(&path).is_some());
+    let file: ObjectFile = match packed {
+        Some(pack) => folder::parse_packed(pack, &path)?,
+        None => folder::parse(reader.assets, &path)?,
+    };
+    let place = match packed {
+        Some(pack) => Place::file(&pack.asset_path(&path)),
+        None => Place::file(&path),
+    };
+    // An object of the assets has the materials and meshes of the assets.
+    let reader = &Reader {
+        pack: packed,
+        ..*reader
+    };
     folder::provenance(&place, &file.origin, &file.license)?;
     let parts = reader.body(
         &place,
@@ -63,9 +75,10 @@ pub(super) fn read(reader: &Reader<'_>, kind: &str) -> Result<Body, SceneError> 
 /// # Errors
 /// When the file is missing or a value is invalid.
 pub fn object(assets: &Path, kind: &str) -> Result<Body, SceneError> {
-    let materials = material::library(assets)?;
+    let materials = material::library(assets, None)?;
     let reader = Reader {
         assets,
+        pack: None,
         materials: &materials,
     };
     read(&reader, kind)

@@ -2,17 +2,21 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
+use wheelarm_pack::{MOST_HULL_VERTICES, Pack};
 
 use super::bounds::Bounds;
 use super::error::{Place, SceneError};
 use super::file::PartEntry;
-use crate::geometry::{self, Material, Part, Shape, Visual};
+use crate::geometry::{self, Material, PackedFile, Part, Shape, Visual};
 
 /// Context for reading parts.
 pub(super) struct Reader<'a> {
     pub assets: &'a Path,
+    /// World pack of the scene: its meshes are its own.
+    pub pack: Option<&'a Arc<Pack>>,
     pub materials: &'a BTreeMap<String, Material>,
 }
 
@@ -49,13 +53,11 @@ impl Reader<'_> {
         for (i, entry) in parts.iter().enumerate() {
             let place = place.entry("parts", i);
             let (shape, vertices) = self.shape(&place, entry)?;
-            let collides = entry
-                .collide
-                .unwrap_or(!matches!(shape, Shape::Lathe { .. }));
-            if collides && matches!(shape, Shape::Lathe { .. }) {
+            let collides = entry.collide.unwrap_or(!only_rendered(&shape));
+            if collides && only_rendered(&shape) {
                 return Err(place.key("collide").wrong(
-                    "true for a lathe",
-                    "a lathe that is only rendered",
+                    "true for a lathe, a prism or a mesh of a pack",
+                    "a shape that is only rendered",
                     "leave `collide` out and give simple shapes under `collision`",
                 ));
             }
@@ -75,12 +77,18 @@ impl Reader<'_> {
         }
         for (i, entry) in collision.unwrap_or(&[]).iter().enumerate() {
             let place = place.entry("collision", i);
+            if let Some(hull) = hull(&place, entry)? {
+                for pose in poses(&place, entry)? {
+                    all.hulls.push(hull.iter().map(|p| pose * p).collect());
+                }
+                continue;
+            }
             let (shape, vertices) = self.shape(&place, entry)?;
-            if matches!(shape, Shape::Lathe { .. }) {
-                return Err(place.key("lathe").wrong(
-                    "a lathe",
+            if only_rendered(&shape) {
+                return Err(place.wrong(
+                    "a lathe, a prism or a mesh of a pack",
                     "a shape that can collide",
-                    "use cylinder, frustum, cup or box",
+                    "use hull, cylinder, frustum, cup or box",
                 ));
             }
             if entry.material.is_some() || entry.draw.is_some() || entry.collide.is_some() {
@@ -138,6 +146,7 @@ impl Reader<'_> {
             frustum(place, entry)?,
             cup(place, entry)?,
             lathe(place, entry)?,
+            prism(place, entry)?,
         ];
         let mut found: Vec<Shape> = simple.into_iter().flatten().collect();
         let mut vertices = Vec::new();
@@ -150,7 +159,7 @@ impl Reader<'_> {
             (one, others) => Err(place.wrong(
                 format!("a part with {} shapes", others + usize::from(one.is_some())),
                 "exactly one of box, rounded_box, cylinder, capsule, sphere, frustum, cup, \
-                 lathe, mesh",
+                 lathe, prism, mesh; under `collision` also hull",
                 "write one entry per shape",
             )),
         }
@@ -161,14 +170,36 @@ impl Reader<'_> {
             return Ok(None);
         };
         let place = place.key("mesh");
-        let scale = place.key("scale").within(
-            mesh.scale,
-            1e-4,
-            1e3,
-            "m per unit",
-            "0.001 for a mesh in millimetres, 1 for metres",
-        )?;
+        let cure = "0.001 for a mesh in millimetres, 1 for metres";
+        for scale in mesh.scale.axes() {
+            let scale = scale.abs();
+            place
+                .key("scale")
+                .within(scale, 1e-4, 1e3, "m per unit", cure)?;
+        }
         let path = place.key("path");
+        if let Some(pack) = self.pack {
+            let file = PackedFile::find(pack, &mesh.path).ok_or_else(|| {
+                path.wrong(
+                    format!("{:?}", mesh.path),
+                    "a file of the pack in meshes/",
+                    "add the mesh to the pack or correct the path",
+                )
+            })?;
+            let shape = Shape::PackedMesh {
+                file,
+                scale: mesh.scale.axes(),
+            };
+            return Ok(Some((shape, Vec::new())));
+        }
+        let [scale, y, z] = mesh.scale.axes();
+        if scale != y || scale != z || scale < 0.0 {
+            return Err(place.key("scale").wrong(
+                format!("{:?}", [scale, y, z]),
+                "one positive number",
+                "only meshes of packs have three factors",
+            ));
+        }
         let read = geometry::mesh::load(&self.assets.join(&mesh.path)).map_err(|error| {
             path.wrong(
                 format!("{:?}, which cannot be used ({error})", mesh.path),
@@ -322,9 +353,81 @@ fn lathe(place: &Place, entry: &PartEntry) -> OptionalShape {
     }))
 }
 
+fn prism(place: &Place, entry: &PartEntry) -> OptionalShape {
+    let Some(prism) = &entry.prism else {
+        return Ok(None);
+    };
+    let place = place.key("prism");
+    for [x, y] in &prism.outline {
+        place.key("outline").position([*x, *y, 0.0])?;
+    }
+    if prism.outline.len() < 3 {
+        return Err(place.key("outline").wrong(
+            format!("a list of {} corners", prism.outline.len()),
+            "at least 3 corners",
+            "give the corners [x, y] of a polygon",
+        ));
+    }
+    Ok(Some(Shape::Prism {
+        outline: prism.outline.clone(),
+        height: place.key("height").length(prism.height)?,
+    }))
+}
+
+/// The points of a colliding hull, metres.
+fn hull(place: &Place, entry: &PartEntry) -> Result<Option<Vec<Point3<f64>>>, SceneError> {
+    let Some(points) = &entry.hull else {
+        return Ok(None);
+    };
+    let alone = PartEntry {
+        hull: entry.hull.clone(),
+        at: entry.at,
+        places: entry.places.clone(),
+        rpy_deg: entry.rpy_deg,
+        ..PartEntry::default()
+    };
+    if *entry != alone {
+        return Err(place.wrong(
+            "a hull beside another shape, or with material, draw or collide",
+            "only the hull and its place",
+            "write one entry per shape; hulls are never rendered",
+        ));
+    }
+    let place = place.key("hull");
+    if !(4..=MOST_HULL_VERTICES).contains(&points.len()) {
+        return Err(place.wrong(
+            format!("a list of {} points", points.len()),
+            format!("4 to {MOST_HULL_VERTICES} points"),
+            "leave out points inside the hull, or split it",
+        ));
+    }
+    let points: Result<Vec<_>, _> = points
+        .iter()
+        .map(|point| place.position(*point).map(Point3::from))
+        .collect();
+    let points = points?;
+    let size = Bounds::of_points(points.iter().copied()).map_or(0.0, |b| b.size().min());
+    place.within(
+        size,
+        0.0005,
+        100.0,
+        "m in its shortest direction",
+        "points in one plane have no inside: give it a thickness",
+    )?;
+    Ok(Some(points))
+}
+
+/// Shapes that never collide.
+fn only_rendered(shape: &Shape) -> bool {
+    matches!(
+        shape,
+        Shape::Lathe { .. } | Shape::Prism { .. } | Shape::PackedMesh { .. }
+    )
+}
+
 fn halves(place: &Place, size: [f64; 3]) -> Result<[f64; 3], SceneError> {
     for length in size {
-        place.length(length)?;
+        place.edge(length)?;
     }
     Ok(size.map(|length| length / 2.0))
 }

@@ -7,18 +7,22 @@ use wheelarm_proto::v1;
 use super::convert;
 use crate::people;
 use crate::robot::CorridorSettings;
-use crate::scene;
+use crate::scene::{self, Scene};
 use crate::sensors::models;
 use crate::sim::Simulation;
 use crate::tasks::{self, ConditionSpec};
 
-/// Every task below the assets folder, by name, for a robot with this hand. Needs no
-/// simulation.
+/// Every usable task below the assets folder and of the pack of `scene`, by name, for a robot
+/// with this hand. Needs no simulation.
 ///
 /// # Errors
-/// When one of them cannot be used.
-pub fn tasks(assets: &Path, hand: &CorridorSettings) -> Result<Vec<v1::TaskInfo>, String> {
-    let tasks = tasks::list(assets, hand).map_err(|e| e.to_string())?;
+/// When the folder cannot be read.
+pub fn tasks(
+    assets: &Path,
+    scene: Option<&Scene>,
+    hand: &CorridorSettings,
+) -> Result<Vec<v1::TaskInfo>, String> {
+    let tasks = tasks::usable(assets, scene, hand).map_err(|e| e.to_string())?;
     Ok(tasks
         .into_iter()
         .map(|t| v1::TaskInfo {
@@ -58,8 +62,20 @@ pub(super) fn texts(sim: &Simulation) -> Result<Vec<v1::AssetText>, String> {
     if let Some(person) = sim.person() {
         paths.extend(people::files(&person.drawn));
     }
+    // A pack is stored whole; texts of its task and area are listed for readers of texts.
+    let pack = sim.scene().pack.as_deref();
+    let (packed, paths): (Vec<_>, Vec<_>) = paths
+        .into_iter()
+        .partition(|path| pack.is_some_and(|pack| pack.file(path).is_some()));
+    let packed = packed.into_iter().map(|path| scene::AssetText {
+        text: pack
+            .and_then(|pack| pack.file(&path))
+            .map(|bytes| String::from_utf8_lossy(bytes).into_owned())
+            .unwrap_or_default(),
+        path,
+    });
     let texts = scene::texts(sim.assets(), &paths).map_err(|e| e.to_string())?;
-    let texts = texts.into_iter();
+    let texts = texts.into_iter().chain(packed);
     Ok(texts
         .map(|a| v1::AssetText {
             path: a.path,

@@ -26,6 +26,7 @@ mod leases;
 mod malloc_trim;
 mod outbox;
 mod pace;
+pub mod packs;
 mod pending_operation;
 mod person;
 mod pick;

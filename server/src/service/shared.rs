@@ -6,6 +6,7 @@ use std::sync::{Arc, mpsc};
 use std::time::Instant;
 
 use parking_lot::Mutex;
+use wheelarm_pack::PackName;
 use wheelarm_proto::Query;
 use wheelarm_proto::keys::Keys;
 use wheelarm_proto::{schema, v1};
@@ -31,8 +32,8 @@ pub(super) struct Shared {
     /// Queries that wait for the simulation thread.
     pub(super) request_queue: RequestQueue<Request>,
     pub(super) replies: Replies,
-    /// The tasks of the assets, after the first request.
-    pub(super) tasks: Mutex<Option<Vec<v1::TaskInfo>>>,
+    /// The tasks of the assets and of a pack, after the first request.
+    pub(super) tasks: Mutex<Option<(Option<PackName>, Vec<v1::TaskInfo>)>>,
     /// Newest episode and tick, for replies from other threads.
     newest: [AtomicU64; 2],
     pub(super) recorders: Mutex<Recorders>,
@@ -50,6 +51,7 @@ fn most_bytes(kind: Query) -> usize {
     match kind {
         Query::Reset => 4 << 20,
         Query::Playback => 1 << 20,
+        Query::PackPut => super::packs::MOST_PIECE + (4 << 10),
         Query::EpisodeStart => 128 << 10,
         Query::Reach => 32 << 10,
         Query::Status
@@ -63,6 +65,7 @@ fn most_bytes(kind: Query) -> usize {
         | Query::Episode
         | Query::Snapshot
         | Query::Sensors
+        | Query::Packs
         | Query::Shutdown => 4 << 10,
     }
 }

@@ -36,7 +36,7 @@ pub(super) fn seconds(
     let way = way.unwrap_or_else(|| LINE * straight(scene, scenario));
     let put = match task.goal {
         Goal::Put { .. } | Goal::Give | Goal::Bring => PUT,
-        Goal::Lift | Goal::Open { .. } | Goal::Close { .. } => 0.0,
+        Goal::Lift | Goal::Open(_) | Goal::Close(_) => 0.0,
     };
     let home = model.settings.home;
     let stow = if scenario.arm.is_none_or(|arm| arm == home) {

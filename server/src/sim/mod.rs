@@ -35,8 +35,8 @@ pub use error::{SimError, StateError};
 pub use guard::{anomaly_words, fault_words};
 pub use playback::{IncompatibleState, RecordedSkin, RecordedState};
 pub use scenario::{
-    ALL_CAMERAS, CameraPlace, CameraSetting, HOUSE, Lens, MAX_SIZE, Pacing, Quality, Requested,
-    SOFT_MASS, Scenario, ScenarioError, Schedules, SensorSetting, Starts,
+    ALL_CAMERAS, CameraPlace, CameraSetting, HOUSE, Lens, MAX_SIZE, Pacing, PackRequest, Quality,
+    Requested, SOFT_MASS, Scenario, ScenarioError, ScenePack, Schedules, SensorSetting, Starts,
 };
 
 use crate::people::{Motion, Person};
@@ -148,7 +148,10 @@ impl Simulation {
             false => scenario.cameras.iter().map(|c| c.name.as_str()).collect(),
         };
         let devices = models::load(assets, &scenario.sensors, &cameras, scenario.seed)?;
-        let mut scene = Scene::load(assets, &scenario.scene)?;
+        let mut scene = match &scenario.pack {
+            ScenePack::Open(pack) => Scene::from_pack(assets, pack)?,
+            ScenePack::Search | ScenePack::Exactly(_) => Scene::load(assets, &scenario.scene)?,
+        };
         let task = match scenario.task.as_str() {
             "" => None,
             name => Some(TaskSpec::load(

@@ -5,6 +5,8 @@
 
 use std::sync::Arc;
 
+use wheelarm_proto::furniture::JointMotion;
+
 use super::{Simulation, Step};
 use crate::snapshot::{BodyState, JointState, PersonState, Snapshot};
 
@@ -19,7 +21,7 @@ pub struct RecordedState {
     pub root: BodyState,
     /// Objects in the order of `Scene::objects`.
     pub objects: Vec<BodyState>,
-    /// Sliding furniture, in the order of `Scene::joints`.
+    /// Furniture on joints, in the order of `Scene::joints`.
     pub furniture_joints: Vec<JointState>,
     /// Shape of the deformable; unchanged when absent.
     pub skin: Option<RecordedSkin>,
@@ -106,10 +108,17 @@ impl Simulation {
         let sliding = self.scene.joints.iter().zip(&recorded.furniture_joints);
         let sliding = sliding.map(|(joint, state)| {
             let closed = self.scene.furniture[joint.furniture].pose;
-            let way = joint.axis.into_inner();
-            BodyState {
-                linear: way * state.velocity,
-                ..BodyState::resting(nalgebra::Translation3::from(way * state.position) * closed)
+            let velocity = joint.axis.into_inner() * state.velocity;
+            let still = BodyState::resting(joint.pose(&closed, state.position));
+            match joint.motion {
+                JointMotion::Slides => BodyState {
+                    linear: velocity,
+                    ..still
+                },
+                JointMotion::Turns => BodyState {
+                    angular: velocity,
+                    ..still
+                },
             }
         });
         Ok(Snapshot {

@@ -1,6 +1,9 @@
 //! `Scenario`: the complete specification of a simulation.
 
+use std::sync::Arc;
+
 use nalgebra::Isometry3;
+use wheelarm_pack::{Digest, Pack, PackName, to_hex};
 use wheelarm_proto::settings::Style;
 use wheelarm_proto::{CONTROL_HZ, PHYSICS_HZ, defaults, limits};
 
@@ -126,8 +129,62 @@ pub struct Scenario {
     /// Simulated seconds after which the task fails; `None`: the task's; 0: computed
     /// from path and style.
     pub time_limit: Option<f64>,
+    /// World pack of the scene.
+    pub pack: ScenePack,
     /// Requested values that the simulation has replaced. Resampling starts from these.
     pub requested: Requested,
+}
+
+/// The world pack of a scene.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum ScenePack {
+    /// The scene is one of the assets, or of the first pack with its name.
+    #[default]
+    Search,
+    /// The scene is that of the requested pack.
+    Exactly(PackRequest),
+    /// The scene is that of this pack.
+    Open(Arc<Pack>),
+}
+
+/// A requested pack; `None` accepts any digest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PackRequest {
+    /// Name.
+    pub name: String,
+    /// Version, for messages.
+    pub version: String,
+    /// Physics digest.
+    pub physics: Option<Digest>,
+    /// Rendering digest.
+    pub rendering: Option<Digest>,
+}
+
+impl PackRequest {
+    /// Whether a pack has the requested digests.
+    #[must_use]
+    pub fn fits(&self, id: &PackName) -> bool {
+        self.name == id.name
+            && self.physics.is_none_or(|digest| digest == id.physics)
+            && self.rendering.is_none_or(|digest| digest == id.rendering)
+    }
+}
+
+impl std::fmt::Display for PackRequest {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let short = |digest: &Option<Digest>| match digest {
+            Some(digest) => to_hex(digest)[..16].to_owned(),
+            None => "any".to_owned(),
+        };
+        write!(
+            f,
+            "{} {} (physics {}, rendering {})",
+            self.name,
+            self.version,
+            short(&self.physics),
+            short(&self.rendering)
+        )
+    }
 }
 
 /// Requested values that a simulation has replaced.
@@ -184,6 +241,7 @@ impl Default for Scenario {
             person: None,
             style: Style::Quick,
             time_limit: None,
+            pack: ScenePack::Search,
             requested: Requested::default(),
         }
     }
@@ -322,6 +380,7 @@ impl Scenario {
             sensors: _,
             disturbances: _,
             style: _,
+            pack: _,
         } = self;
         objects.clear();
         slides.clear();
@@ -379,6 +438,7 @@ impl Scenario {
             style: _,
             time_limit: _,
             requested: _,
+            pack,
         } = self;
         let sampled =
             |person: &Option<PersonSetting>| person.as_ref().and_then(|p| p.drawn.clone());
@@ -387,6 +447,7 @@ impl Scenario {
             // Their noise is sampled from the seed.
             && (sensors.is_empty() || *seed == other.seed)
             && *scene == other.scene
+            && *pack == other.pack
             && *robot == other.robot
             && *task == other.task
             && *quality == other.quality

@@ -105,5 +105,5 @@ fn target(scenario: &Scenario, scene: &Scene) -> Option<Point3<f64>> {
     let handle = body.grasps.first().map_or(Point3::origin(), |grasp| {
         Point3::from(grasp.pose.translation.vector)
     });
-    Some(body.pose * handle + joint.axis.scale(joint.start))
+    Some(joint.pose(&body.pose, joint.start) * handle)
 }

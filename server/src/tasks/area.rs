@@ -15,7 +15,7 @@ pub struct AreaSpec {
     pub hand: CorridorSettings,
     /// Ranges of a start near the area.
     pub start: StartSpec,
-    /// Friction of sliding furniture; unlisted furniture keeps the scene's values.
+    /// Friction of furniture on joints; unlisted furniture keeps the scene's values.
     pub slides: Vec<SlideSpec>,
     /// Possible contents: at least one; the first has the share that the others leave.
     pub variants: Vec<Variant>,
@@ -123,21 +123,21 @@ impl RestShares {
     }
 }
 
-/// Ranges of sliding furniture.
+/// Ranges of furniture on a joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SlideSpec {
     /// Joint, for example `drawer_1_joint`.
     pub joint: String,
-    /// Dry friction, N.
+    /// Dry friction, N or N·m.
     pub friction: Range,
-    /// Viscous friction, N·s/m.
+    /// Viscous friction, N·s/m or N·m·s.
     pub damping: Range,
-    /// Initial joint position, metres.
+    /// Initial joint position, metres or radians.
     pub position: Range,
 }
 
 impl AreaSpec {
-    /// The furniture that carries its objects; empty for an area of sliding furniture.
+    /// The furniture that carries its objects; empty for an area of furniture on joints.
     #[must_use]
     pub fn carrier(&self) -> &str {
         let places = self.variants.first().and_then(|v| v.places.first());
@@ -160,7 +160,7 @@ impl AreaSpec {
         self.variants.iter().find(|variant| variant.name == name)
     }
 
-    /// Sampled sliding furniture, in the order of the file.
+    /// Sampled furniture on joints, in the order of the file.
     pub(super) fn sliding<'a>(&'a self, scene: &'a Scene) -> impl Iterator<Item = &'a Body> {
         self.slides.iter().filter_map(move |slide| {
             let joint = scene.joint_named(&slide.joint)?;

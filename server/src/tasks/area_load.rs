@@ -6,12 +6,14 @@ use std::path::Path;
 
 use serde::Deserialize;
 
+use wheelarm_proto::furniture::JointMotion;
+
 use super::area::{AreaSpec, PlaceSpec, Range, RestShares, SlideSpec, StartSpec, Variant};
 use super::name_check::{known_joint, known_object};
 use super::rest::lying;
 use super::scene_sampling::sample_scene;
 use crate::robot::CorridorSettings;
-use crate::scene::{Body, Place, Scene, SceneError, names, parse, provenance};
+use crate::scene::{Body, Files, Place, Scene, SceneError, provenance};
 
 /// Seeds sampled when an area is loaded, to check that there is room.
 const SEEDS: u64 = 4;
@@ -76,19 +78,20 @@ struct PlaceEntry {
     hides: f64,
 }
 
-/// Ranges of sliding furniture.
+/// Ranges of furniture on a joint.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SlideEntry {
     /// For example `drawer_1_joint`.
     joint: String,
-    /// N.
+    /// N, or N·m of a hinge.
     friction: [f64; 2],
-    /// N·s/m.
+    /// N·s/m, or N·m·s of a hinge.
     damping: [f64; 2],
-    /// Initial joint position, m.
-    #[serde(default)]
-    position: [f64; 2],
+    /// Initial position of what slides, m.
+    position: Option<[f64; 2]>,
+    /// Initial angle of what turns.
+    position_deg: Option<[f64; 2]>,
 }
 
 /// A variant of the area's contents.
@@ -120,12 +123,21 @@ impl AreaSpec {
         scene: &Scene,
         hand: &CorridorSettings,
     ) -> Result<Self, SceneError> {
-        let mut spec = Self::load_alone(assets, name, scene, hand)?;
+        let files = Files::of_scene(assets, scene);
+        let mut spec = Self::load_alone(files, name, scene, hand)?;
         let place = Place::file(&format!("areas/{name}.toml"));
-        for other in names(assets, "areas")? {
-            if other != name && read(assets, &other)?.scene == scene.name {
-                let other = Self::load_alone(assets, &other, scene, hand)?;
-                spec.surroundings.push(other);
+        let others = files.names("areas")?.into_iter();
+        for other in others.filter(|other| other != name) {
+            let is_here = read(files, &other).map(|file| file.scene == scene.name);
+            let loaded = match is_here {
+                Ok(false) => continue,
+                Ok(true) => Self::load_alone(files, &other, scene, hand),
+                Err(error) => Err(error),
+            };
+            match loaded {
+                Ok(other) => spec.surroundings.push(other),
+                // The bad area costs its own tasks only.
+                Err(error) => tracing::warn!("the area {other:?} is left out: {error}"),
             }
         }
         spec.check_room(&place, scene)?;
@@ -134,12 +146,12 @@ impl AreaSpec {
 
     /// Without its surroundings, and without the check of the room.
     fn load_alone(
-        assets: &Path,
+        files: Files<'_>,
         name: &str,
         scene: &Scene,
         hand: &CorridorSettings,
     ) -> Result<Self, SceneError> {
-        let file = read(assets, name)?;
+        let file = read(files, name)?;
         let place = Place::file(&format!("areas/{name}.toml"));
         if file.scene != scene.name {
             return Err(place.key("scene").wrong(
@@ -222,8 +234,8 @@ impl AreaSpec {
 }
 
 /// Name of the scene of an area, read from its file only.
-pub(super) fn scene_of(assets: &Path, area: &Place, name: &str) -> Result<String, SceneError> {
-    let known = names(assets, "areas")?;
+pub(super) fn scene_of(files: Files<'_>, area: &Place, name: &str) -> Result<String, SceneError> {
+    let known = files.names("areas")?;
     if !known.iter().any(|known| known == name) {
         return Err(area.wrong(
             format!("{name:?}"),
@@ -231,12 +243,12 @@ pub(super) fn scene_of(assets: &Path, area: &Place, name: &str) -> Result<String
             "correct the name or add the area in assets/areas",
         ));
     }
-    Ok(read(assets, name)?.scene)
+    Ok(read(files, name)?.scene)
 }
 
-fn read(assets: &Path, name: &str) -> Result<AreaFile, SceneError> {
+fn read(files: Files<'_>, name: &str) -> Result<AreaFile, SceneError> {
     let path = format!("areas/{name}.toml");
-    let file: AreaFile = parse(assets, &path)?;
+    let file: AreaFile = files.parse(&path)?;
     provenance(&Place::file(&path), &file.origin, &file.license)?;
     Ok(file)
 }
@@ -360,14 +372,50 @@ fn read_place(place: &Place, scene: &Scene, entry: &PlaceEntry) -> Result<PlaceS
 }
 
 fn read_slide(place: &Place, scene: &Scene, entry: &SlideEntry) -> Result<SlideSpec, SceneError> {
-    let [friction, damping, position] =
-        ["friction", "damping", "position"].map(|key| place.key(key));
     let joint = known_joint(&place.key("joint"), scene, &entry.joint)?;
+    let turns = joint.motion == JointMotion::Turns;
+    let (key, most, units) = match turns {
+        true => ("position_deg", joint.travel.to_degrees(), ["N·m", "N·m·s"]),
+        false => ("position", joint.travel, ["N", "N·s/m"]),
+    };
+    let (given, other) = match turns {
+        true => (entry.position_deg, ("position", entry.position)),
+        false => (entry.position, ("position_deg", entry.position_deg)),
+    };
+    if let (other, Some(value)) = other {
+        return Err(place.key(other).wrong(
+            format!("{value:?}"),
+            format!(
+                "{key}, for {} {}",
+                entry.joint,
+                if turns { "turns" } else { "slides" }
+            ),
+            format!("write {key} instead"),
+        ));
+    }
+    let unit = if turns { "degrees" } else { "m" };
+    let position = range(&place.key(key), given.unwrap_or_default(), 0.0, most, unit)?;
+    let scaled = |value: f64| if turns { value.to_radians() } else { value };
     Ok(SlideSpec {
         joint: entry.joint.clone(),
-        friction: range(&friction, entry.friction, 0.0, 1000.0, "N")?,
-        damping: range(&damping, entry.damping, 0.0, 10_000.0, "N·s/m")?,
-        position: range(&position, entry.position, 0.0, joint.travel, "m")?,
+        friction: range(
+            &place.key("friction"),
+            entry.friction,
+            0.0,
+            1000.0,
+            units[0],
+        )?,
+        damping: range(
+            &place.key("damping"),
+            entry.damping,
+            0.0,
+            10_000.0,
+            units[1],
+        )?,
+        position: Range {
+            min: scaled(position.min),
+            max: scaled(position.max),
+        },
     })
 }
 

@@ -1,6 +1,7 @@
 //! Static data of a task's world, and measurements for predicates.
 
 use nalgebra::{Isometry3, Point3, Vector3};
+use wheelarm_proto::furniture::JointMotion;
 
 use crate::people::{Lap, Mouth};
 use crate::scene::{Body, Surface};
@@ -19,7 +20,7 @@ pub(super) struct Context {
     /// First surface of furniture, by its name.
     pub surfaces: Vec<(String, Surface)>,
     /// Joints of furniture.
-    pub joints: Vec<String>,
+    pub joints: Vec<(String, JointMotion)>,
     /// Furniture on these joints, by its index.
     pub sliding: Vec<usize>,
     /// Links that carry the pads, left and right.
@@ -28,7 +29,7 @@ pub(super) struct Context {
     pub wheels: Vec<usize>,
     /// The target, when it is an object.
     pub target: Option<usize>,
-    /// Joint of the target, when it is sliding furniture.
+    /// Joint of the target, when it is furniture on a joint.
     pub target_joint: Option<usize>,
     /// The lap of the person in the chair.
     pub lap: Option<Lap>,
@@ -57,14 +58,19 @@ impl Context {
         Some((object, snapshot.objects.get(object)?))
     }
 
-    /// Position of the joint of this name, or of the target's, metres.
-    pub(super) fn joint_position(&self, name: &str, snapshot: &Snapshot) -> f64 {
+    /// Motion and position, metres or radians, of the joint of this name, or of the
+    /// target's.
+    pub(super) fn joint_position(&self, name: &str, snapshot: &Snapshot) -> (JointMotion, f64) {
         let joint = match name {
             TARGET => self.target_joint,
-            name => self.joints.iter().position(|joint| joint == name),
+            name => self.joints.iter().position(|(joint, _)| joint == name),
         };
+        let motion = joint.and_then(|joint| self.joints.get(joint));
         let state = joint.and_then(|joint| snapshot.furniture_joints.get(joint));
-        state.map_or(0.0, |state| state.position)
+        (
+            motion.map_or(JointMotion::Slides, |(_, motion)| *motion),
+            state.map_or(0.0, |state| state.position),
+        )
     }
 
     /// Distance of the object's centre of mass from the middle of a surface on the

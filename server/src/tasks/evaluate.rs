@@ -146,7 +146,9 @@ impl Evaluator {
                 bodies: scene.objects.clone(),
                 starts: Vec::new(),
                 surfaces: surfaces.collect(),
-                joints: scene.joints.iter().map(|j| j.name.clone()).collect(),
+                joints: (scene.joints.iter())
+                    .map(|joint| (joint.name.clone(), joint.motion))
+                    .collect(),
                 sliding: scene.joints.iter().map(|j| j.furniture).collect(),
                 pads: roles.finger_tips.map(child),
                 wheels: (roles.wheels.iter().chain(&roles.casters))

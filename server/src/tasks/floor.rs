@@ -8,11 +8,11 @@ use wheelarm_planning::footprint_check::{FootprintCheck, Limb, Outline, Pose2, o
 use wheelarm_planning::hybrid_a_star::{self, PathPreferences};
 use wheelarm_planning::obb::Obb;
 use wheelarm_proto::exact;
+use wheelarm_proto::furniture::JointMotion;
 use wheelarm_proto::settings::Starts;
 
 use super::area::{AreaSpec, Range, Variant};
 use super::random::{index, number, stream};
-use crate::geometry::bounds;
 use crate::people::{Capsule, HeadPose, Person};
 use crate::robot::RobotModel;
 use crate::scene::{Body, Scene};
@@ -26,11 +26,13 @@ const SEEN_TRIES: u64 = 8;
 /// Nodes that the path search expands per place: enough for the far end of the home,
 /// and little where no path exists.
 const NODES: usize = 6_000;
-/// Distances of the chair's frame from the edge of a surface, or from sliding
-/// furniture, at which it would stop, metres.
+/// Distances of the chair's frame from the edge of a surface, or from furniture
+/// on a joint, at which it would stop, metres.
 const STOPS: [f64; 4] = [0.95, 1.15, 1.35, 1.6];
-/// Sliding furniture blocks the chair's path out to this position, metres.
+/// Furniture on a joint blocks the chair's path out to this position, metres.
 const AJAR: f64 = 0.12;
+/// The same of furniture that turns, radians.
+const AJAR_TURN: f64 = 0.35;
 /// Samples of the arm's path home from a posture.
 const WAY_HOME: u32 = 20;
 /// Driving preferences, as of the scripted operator without haste.
@@ -287,9 +289,16 @@ impl Floor {
             None => {
                 let body = area.sliding(scene).next()?;
                 let joint = scene.joint_of(scene.furniture_named(&body.name)?)?;
-                let into = -joint.axis.into_inner();
+                // A drawer is pulled along its axis; a door is approached as its handle is.
+                let (at, into) = match (joint.motion, body.grasps.first()) {
+                    (JointMotion::Turns, Some(grasp)) => {
+                        let handle = body.pose * grasp.pose;
+                        (handle.translation.vector, handle.rotation * Vector3::z())
+                    }
+                    _ => (body.pose.translation.vector, -joint.axis.into_inner()),
+                };
                 let turn = exact::atan2(into.y, into.x);
-                Isometry3::new(body.pose.translation.vector, Vector3::z() * turn)
+                Isometry3::new(at, Vector3::z() * turn)
             }
         };
         let facing = edge.rotation * Vector3::x();
@@ -316,7 +325,11 @@ fn footprint_check(model: &RobotModel, scene: &Scene, limbs: &[Limb]) -> Footpri
     for (index, body) in scene.furniture.iter().enumerate() {
         let mut out = body.clone();
         if let Some(joint) = scene.joint_of(index) {
-            out.pose.translation.vector += joint.axis.scale(AJAR);
+            let ajar = match joint.motion {
+                JointMotion::Slides => AJAR,
+                JointMotion::Turns => AJAR_TURN.min(joint.travel),
+            };
+            out.pose = joint.pose(&out.pose, ajar);
         }
         for obb in collision_boxes(body).chain(collision_boxes(&out)) {
             check.put(obb.rectangle(), obb.heights());
@@ -327,12 +340,9 @@ fn footprint_check(model: &RobotModel, scene: &Scene, limbs: &[Limb]) -> Footpri
 
 /// Boxes around the colliding parts of furniture, in `house`.
 pub fn collision_boxes(body: &Body) -> impl Iterator<Item = Obb> + '_ {
-    body.collision.iter().filter_map(|part| {
-        let (centre, half) = bounds(&part.shape)?;
-        Some(Obb {
-            pose: body.pose * part.pose * Translation3::from(centre),
-            half,
-            round: false,
-        })
+    body.collision_boxes().map(|(body_from_box, half)| Obb {
+        pose: body.pose * body_from_box,
+        half,
+        round: false,
     })
 }

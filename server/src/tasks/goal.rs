@@ -1,5 +1,7 @@
 //! Goal of a task, for clients that execute it.
 
+use wheelarm_proto::furniture::JointMotion;
+
 /// What to do with the target.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Goal {
@@ -15,13 +17,27 @@ pub enum Goal {
     /// Bring its tip to the mouth of the person in the chair and hold it there.
     Bring,
     /// Pull furniture open.
-    Open {
-        /// Wanted joint position, metres.
-        travel: f64,
-    },
+    Open(JointBounds),
     /// Push furniture closed.
-    Close {
-        /// Wanted joint position, metres.
-        position: f64,
-    },
+    Close(JointBounds),
+}
+
+/// Wanted position of the joint of furniture.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct JointBounds {
+    /// Of what slides, metres.
+    pub distance: f64,
+    /// Of what turns, radians.
+    pub angle: f64,
+}
+
+impl JointBounds {
+    /// The bound of a joint of this motion, metres or radians.
+    #[must_use]
+    pub fn of(&self, motion: JointMotion) -> f64 {
+        match motion {
+            JointMotion::Slides => self.distance,
+            JointMotion::Turns => self.angle,
+        }
+    }
 }

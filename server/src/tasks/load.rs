@@ -9,28 +9,61 @@ use super::area_load::scene_of;
 use super::condition::{Name, Threshold};
 use super::context::TARGET;
 use super::file::TaskFile;
-use super::goal::Goal;
+use super::goal::{Goal, JointBounds};
 use super::name_check::check_name;
 use super::spec::{FailureSpec, TaskSpec, WaitSpec};
 use super::template::{FailureEntry, PersonEntry, Template, Verb};
 use crate::robot::CorridorSettings;
-use crate::scene::{Place, Scene, SceneError, names, parse, provenance};
-
-/// Key of a joint position in a template's goal.
-const JOINT_POSITION: [&str; 2] = ["travel", "position"];
+use crate::scene::{Files, Place, Scene, SceneError, names, provenance};
 
 /// Every task below `assets/tasks`, by name, for a robot with this hand.
 ///
 /// # Errors
 /// When one of them is invalid.
 pub fn list(assets: &Path, hand: &CorridorSettings) -> Result<Vec<TaskSpec>, SceneError> {
+    let names = names(assets, "tasks")?;
+    each(assets, names, hand).collect()
+}
+
+/// The usable tasks below `assets/tasks`, and those of the pack of `scene`. A task that is
+/// invalid costs itself: it is logged and left out.
+///
+/// # Errors
+/// When the folder of tasks cannot be read.
+pub fn usable(
+    assets: &Path,
+    scene: Option<&Scene>,
+    hand: &CorridorSettings,
+) -> Result<Vec<TaskSpec>, SceneError> {
+    let of_assets = each(assets, names(assets, "tasks")?, hand);
+    let scene = scene.filter(|scene| scene.pack.is_some());
+    let packed = scene.into_iter().flat_map(|scene| {
+        let pack = scene.pack.iter();
+        let names = pack.flat_map(|pack| pack.names("tasks", "toml").map(str::to_owned));
+        names
+            .map(|name| TaskSpec::load(assets, &name, scene, hand))
+            .collect::<Vec<_>>()
+    });
+    let usable = of_assets.chain(packed).filter_map(|task| {
+        task.inspect_err(|error| tracing::warn!("a task is left out: {error}"))
+            .ok()
+    });
+    Ok(usable.collect())
+}
+
+/// Each of the named tasks of the assets.
+fn each(
+    assets: &Path,
+    names: Vec<String>,
+    hand: &CorridorSettings,
+) -> impl Iterator<Item = Result<TaskSpec, SceneError>> {
     // Most tasks share a scene and an area, which take far longer to read.
     let mut scenes: BTreeMap<String, Scene> = BTreeMap::new();
     let mut areas: BTreeMap<String, AreaSpec> = BTreeMap::new();
-    let mut tasks = Vec::new();
-    for name in names(assets, "tasks")? {
-        let file = read(assets, &name)?;
-        let scene_name = scene_of(assets, &place(&name).key("area"), &file.area)?;
+    let files = Files::of_assets(assets);
+    names.into_iter().map(move |name| {
+        let file = read(files, &name)?;
+        let scene_name = scene_of(files, &place(&name).key("area"), &file.area)?;
         if !scenes.contains_key(&scene_name) {
             let scene = Scene::load(assets, &scene_name)?;
             scenes.insert(scene_name.clone(), scene);
@@ -41,18 +74,17 @@ pub fn list(assets: &Path, hand: &CorridorSettings) -> Result<Vec<TaskSpec>, Sce
             areas.insert(file.area.clone(), area);
         }
         let area = areas[&file.area].clone();
-        tasks.push(TaskSpec::checked(assets, &name, file, area, scene)?);
-    }
-    Ok(tasks)
+        TaskSpec::checked(assets, &name, file, area, scene)
+    })
 }
 
 fn place(name: &str) -> Place {
     Place::file(&format!("tasks/{name}.toml"))
 }
 
-fn read(assets: &Path, name: &str) -> Result<TaskFile, SceneError> {
+fn read(files: Files<'_>, name: &str) -> Result<TaskFile, SceneError> {
     let path = format!("tasks/{name}.toml");
-    let file: TaskFile = parse(assets, &path)?;
+    let file: TaskFile = files.parse(&path)?;
     provenance(&Place::file(&path), &file.origin, &file.license)?;
     Ok(file)
 }
@@ -69,8 +101,9 @@ impl TaskSpec {
         scene: &Scene,
         hand: &CorridorSettings,
     ) -> Result<Self, SceneError> {
-        let file = read(assets, name)?;
-        scene_of(assets, &place(name).key("area"), &file.area)?;
+        let files = Files::of_scene(assets, scene);
+        let file = read(files, name)?;
+        scene_of(files, &place(name).key("area"), &file.area)?;
         let area = AreaSpec::load(assets, &file.area, scene, hand)?;
         Self::checked(assets, name, file, area, scene)
     }
@@ -154,12 +187,8 @@ impl TaskSpec {
             (Verb::Put, region) => Goal::Put {
                 on: region.unwrap_or_default(),
             },
-            (Verb::Open, _) => Goal::Open {
-                travel: spec.joint_position(),
-            },
-            (Verb::Close, _) => Goal::Close {
-                position: spec.joint_position(),
-            },
+            (Verb::Open, _) => Goal::Open(spec.joint_bounds()),
+            (Verb::Close, _) => Goal::Close(spec.joint_bounds()),
         };
         spec.check_goal(&place)?;
         spec.check_tips(&object_key, scene)?;
@@ -178,12 +207,11 @@ impl TaskSpec {
         Ok(spec)
     }
 
-    /// The joint position required for success, metres.
-    fn joint_position(&self) -> f64 {
-        let required = self.conditions.iter().filter(|c| c.required);
-        let mut thresholds = required.flat_map(|c| c.predicate.as_dyn().thresholds());
-        let found = thresholds.find(|t| JOINT_POSITION.contains(&t.key));
-        found.map_or(0.0, |threshold| threshold.value)
+    /// The joint position required for success.
+    fn joint_bounds(&self) -> JointBounds {
+        let mut required = self.conditions.iter().filter(|c| c.required);
+        let found = required.find_map(|c| c.predicate.joint_bounds());
+        found.unwrap_or_default()
     }
 
     fn check_conditions(&self, place: &Place, scene: &Scene) -> Result<(), SceneError> {
@@ -223,7 +251,7 @@ impl TaskSpec {
             .any(|name| match (name, &self.goal) {
                 (Name::Object(object), Goal::Lift | Goal::Give | Goal::Bring) => is_target(object),
                 (Name::Surface(surface), Goal::Put { on }) => surface == on,
-                (Name::Joint(_), Goal::Open { .. } | Goal::Close { .. }) => true,
+                (Name::Joint(_), Goal::Open(_) | Goal::Close(_)) => true,
                 _ => false,
             });
         if judged {

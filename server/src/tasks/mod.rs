@@ -47,7 +47,7 @@ pub use evaluate::{Condition, Evaluation, Evaluator, EvaluatorState, HARD};
 pub use failure::Failure;
 pub use floor::{Floor, collision_boxes};
 pub use goal::Goal;
-pub use load::list;
+pub use load::{list, usable};
 pub use scene_sampling::{SceneSample, sample_scene};
 pub use sentence::{Language, POLITENESS, sentence};
 pub use spec::{ConditionSpec, FailureSpec, TaskSpec, WaitSpec};

@@ -25,7 +25,7 @@ pub(super) fn known_joint<'a>(
         place.wrong(
             format!("{name:?}"),
             format!("one of {}", known.join(", ")),
-            "correct the name or give the furniture a slide",
+            "correct the name or give the furniture a slide or a hinge",
         )
     })
 }

@@ -121,11 +121,11 @@ impl<'a> Clearance<'a> {
             .iter()
             .flat_map(|body| {
                 let parts = body.collision.iter().filter_map(|p| part_bounds(body, p));
-                let mut hulls = body.clone();
-                hulls.collision.clear();
-                parts
-                    .chain(hulls.collision_bounds(&body.pose))
-                    .collect::<Vec<_>>()
+                let hulls = body.hulls.iter();
+                let hulls = hulls.filter_map(|hull| {
+                    Bounds::of_points(hull.iter().map(|point| body.pose * point))
+                });
+                parts.chain(hulls).collect::<Vec<_>>()
             })
             .map(|bounds| (bounds, Outline::filling(&bounds)))
             .collect();

@@ -63,8 +63,8 @@ pub fn sentence(
         Goal::Give => (Verb::Give, None),
         Goal::Bring => (Verb::Bring, None),
         Goal::Put { on } => (Verb::Put, described.named(on)),
-        Goal::Open { .. } => (Verb::Open, None),
-        Goal::Close { .. } => (Verb::Close, None),
+        Goal::Open(_) => (Verb::Open, None),
+        Goal::Close(_) => (Verb::Close, None),
     };
     let Some(target) = described.named(target) else {
         return Ok(None);

@@ -17,7 +17,7 @@ pub struct TaskSpec {
     pub activity: String,
     /// Area of the home.
     pub area: AreaSpec,
-    /// Possible targets: objects or sliding furniture; sampling selects one.
+    /// Possible targets: objects or furniture on joints; sampling selects one.
     pub targets: Vec<String>,
     /// What to do with the target.
     pub goal: Goal,
@@ -121,7 +121,7 @@ impl TaskSpec {
     pub fn region_name(&self) -> Option<&str> {
         match &self.goal {
             Goal::Put { on } => Some(on),
-            Goal::Lift | Goal::Give | Goal::Bring | Goal::Open { .. } | Goal::Close { .. } => None,
+            Goal::Lift | Goal::Give | Goal::Bring | Goal::Open(_) | Goal::Close(_) => None,
         }
     }
 
@@ -136,7 +136,7 @@ impl TaskSpec {
         let objects = self.targets.iter().map(String::as_str);
         let needed: Vec<&str> = match self.goal {
             // Furniture always exists.
-            Goal::Open { .. } | Goal::Close { .. } => Vec::new(),
+            Goal::Open(_) | Goal::Close(_) => Vec::new(),
             Goal::Lift | Goal::Give | Goal::Bring | Goal::Put { .. } => {
                 objects.chain(self.region_name()).collect()
             }

@@ -10,6 +10,7 @@ mod contact;
 mod convert;
 mod drive;
 mod friction;
+mod furniture_joint;
 mod gap;
 pub mod health;
 mod libm_overrides;
@@ -19,7 +20,6 @@ mod scene_bodies;
 mod seat;
 mod shape;
 mod signals;
-mod slide;
 mod soft;
 mod state;
 mod state_validation;
@@ -497,7 +497,7 @@ impl World {
         for soft in &self.soft {
             objects[soft.object] = soft.frame();
         }
-        let slides = &self.scene_bodies.slides;
+        let moving = &self.scene_bodies.moving;
         let robot = self
             .robot
             .handles
@@ -528,8 +528,8 @@ impl World {
             joints,
             links,
             objects,
-            furniture_joints: slides.iter().map(|s| s.state(&self.physics)).collect(),
-            sliding: slides.iter().map(|s| free_body(s.handle)).collect(),
+            furniture_joints: moving.iter().map(|s| s.state(&self.physics)).collect(),
+            sliding: moving.iter().map(|s| free_body(s.handle)).collect(),
             person: self.seated.as_ref().map(Seated::state),
             anomalies,
         }

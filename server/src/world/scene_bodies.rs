@@ -10,10 +10,10 @@ use super::WorldError;
 use super::body::{FLOOR_GROUP, SCENE_GROUP};
 use super::contact::tag;
 use super::convert::{mass_properties, pose, real};
+use super::furniture_joint::MovingFurniture;
 use super::health::CHAIR_HEIGHT;
 use super::mass::Mass;
 use super::shape::{hull_of, solids};
-use super::slide::Slide;
 use crate::scene::{Body, Placement, Scene};
 use crate::snapshot::{Anomaly, BodyRef};
 
@@ -30,8 +30,8 @@ pub(super) struct SceneBodies {
     pub objects: Vec<RigidBodyHandle>,
     /// Their masses, kg; 0 for a deformable.
     pub masses: Vec<f64>,
-    /// Sliding furniture, in the order of `Scene::joints`.
-    pub slides: Vec<Slide>,
+    /// Furniture on joints, in the order of `Scene::joints`.
+    pub moving: Vec<MovingFurniture>,
     /// Corners of the bounding box of all furniture, metres.
     bounds: (Point3<f64>, Point3<f64>),
     /// Height of the floor's top, metres.
@@ -55,7 +55,7 @@ impl SceneBodies {
         let mut furniture = Vec::new();
         for (index, body) in scene.furniture.iter().enumerate() {
             let builder = match scene.joint_of(index) {
-                Some(joint) => Slide::body(joint, body),
+                Some(joint) => MovingFurniture::body(joint, body),
                 None => RigidBodyBuilder::fixed().pose(pose(&body.pose)),
             };
             let handle = physics.insert_body(builder);
@@ -68,11 +68,11 @@ impl SceneBodies {
                 BodyRef::Furniture(index),
             )?;
         }
-        let slides = scene.joints.iter().map(|joint| {
+        let moving = scene.joints.iter().map(|joint| {
             let at = |i: usize| (furniture[i], &scene.furniture[i].pose);
-            Slide::insert(physics, joint, at(joint.carrier), at(joint.furniture))
+            MovingFurniture::insert(physics, joint, at(joint.carrier), at(joint.furniture))
         });
-        let slides = slides.collect();
+        let moving = moving.collect();
         let mut bounds = (Point3::from([f64::MAX; 3]), Point3::from([f64::MIN; 3]));
         for (_, collider) in physics.colliders.iter() {
             let aabb = collider.compute_aabb();
@@ -118,7 +118,7 @@ impl SceneBodies {
         Ok(Self {
             objects,
             masses,
-            slides,
+            moving,
             bounds: (bounds.0 - margin, bounds.1 + height),
             floor: floor.unwrap_or(0.0),
         })

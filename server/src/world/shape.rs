@@ -115,8 +115,9 @@ pub(super) fn solids(part: &Part, rim: f64) -> Result<Vec<Solid>, String> {
             height,
             wall,
         } => cup(&part.pose, [*bottom_radius, *top_radius], *height, *wall),
-        Shape::Lathe { .. } => Err(
-            "a surface of revolution is for visuals only; give collision parts of other shapes"
+        Shape::Lathe { .. } | Shape::Prism { .. } | Shape::PackedMesh { .. } => Err(
+            "a surface of revolution, a prism or a mesh of a pack is for visuals only; give \
+             collision parts of other shapes"
                 .into(),
         ),
         Shape::Mesh { path, .. } => Err(format!(

@@ -268,7 +268,10 @@ impl Mjcf {
                 }
                 return Ok(());
             }
-            Shape::Lathe { .. } | Shape::Mesh { .. } => {
+            Shape::Lathe { .. }
+            | Shape::Prism { .. }
+            | Shape::PackedMesh { .. }
+            | Shape::Mesh { .. } => {
                 anyhow::bail!("{:?} does not collide", part.shape)
             }
         };

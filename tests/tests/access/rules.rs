@@ -28,9 +28,9 @@ fn every_user_watches_and_sends_only_the_queries_of_the_role() {
         assert!(clock.next(PATIENCE).expect("a sample").is_some(), "{user}");
         for query in Query::ALL {
             let who = match query {
-                Query::Status | Query::Scene | Query::Tasks => all,
+                Query::Status | Query::Scene | Query::Tasks | Query::Packs => all,
                 Query::Snapshot | Query::Episode => "rex ada",
-                Query::Sensors | Query::Playback | Query::Shutdown => "ada",
+                Query::Sensors | Query::Playback | Query::PackPut | Query::Shutdown => "ada",
                 _ => "anna bert ada",
             };
             let key = client.keys().query(query).replace('*', user);

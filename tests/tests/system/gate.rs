@@ -244,6 +244,7 @@ fn reads_a_request(query: Query) -> bool {
         | Query::EpisodeStart
         | Query::EpisodeStop
         | Query::Episode
+        | Query::PackPut
         | Query::Shutdown => true,
         Query::Status
         | Query::Scene
@@ -251,6 +252,7 @@ fn reads_a_request(query: Query) -> bool {
         | Query::Pause
         | Query::Resume
         | Query::Snapshot
+        | Query::Packs
         | Query::Sensors => false,
     }
 }

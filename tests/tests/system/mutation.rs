@@ -250,6 +250,16 @@ fn below(folder: &Path, ending: &str) -> Vec<String> {
 }
 
 #[test]
+fn damaged_packs_do_not_panic() {
+    let flat = root().join("tests/data/flat");
+    let pack = wheelarm_pack::Pack::open(&flat).expect("the flat");
+    let zip = pack.to_zip().expect("a zip file");
+    read_damaged("pack", &zip, 1500, decoders::pack_zip);
+    let home = std::fs::read(flat.join("home.toml")).expect("a home");
+    read_damaged("home.toml", &home, 400, decoders::home_toml);
+}
+
+#[test]
 fn damaged_assets_do_not_panic() {
     let assets = root().join("assets");
     for (ending, count) in [(".toml", 25), (".urdf", 60)] {

@@ -44,6 +44,8 @@ pub struct Setup {
     pub folder: Folder,
     /// Assets folder; found by the server when absent.
     pub assets: Option<PathBuf>,
+    /// Folders of world packs.
+    pub packs: Vec<PathBuf>,
     /// Processes of a worker.
     pub mode: WorkerMode,
     /// Longest wait for a reply before a server is ended.
@@ -56,9 +58,10 @@ impl Setup {
     pub fn slot(&self, adapter: Option<String>) -> Slot {
         let assets = self.assets.clone();
         Slot::new(match self.mode {
-            WorkerMode::Socket => Box::new(Processes::new(assets, adapter)),
+            WorkerMode::Socket => Box::new(Processes::new(assets, adapter).with_packs(&self.packs)),
             WorkerMode::Process => Box::new(InProcess::new(WorkerOptions {
                 assets,
+                packs: self.packs.clone(),
                 adapter,
                 folder: Some(self.folder.root().to_owned()),
             })),

@@ -50,7 +50,8 @@ use resume::{jobs, ledger, settle};
 use slot::Slot;
 use stop::Stop;
 use wheelarm_options::choice::{named, patience};
-use wheelarm_rollout::launcher::tasks_of_program;
+use wheelarm_options::packs::PackArgs;
+use wheelarm_rollout::launcher::{TaskSources, tasks_of_program};
 
 pub use plan::PlanError;
 
@@ -88,6 +89,9 @@ pub struct CollectArgs {
     /// Assets folder; found by the server when absent.
     #[arg(long, env = "WHEELARM_ASSETS")]
     pub assets: Option<PathBuf>,
+    /// World packs.
+    #[command(flatten)]
+    pub packs: PackArgs,
     #[command(flatten)]
     pub graphics: AdapterArgs,
     /// Processes of a worker: `process` runs server, recorder and operator in one process,
@@ -159,7 +163,8 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
     let fits = || host.workers(&plan, kept).min(most).min(left.max(1));
     let workers = args.workers.map_or_else(fits, NonZeroUsize::get);
     host.check(workers)?;
-    let unknown = unknown(path, &plan, args.assets.as_deref())?;
+    let packs = &args.packs.packs;
+    let unknown = unknown(path, &plan, args.assets.as_deref(), packs)?;
     if let Some(problem) = unknown {
         bail!("{problem}");
     }
@@ -191,6 +196,7 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
         plan,
         folder,
         assets: args.assets.clone(),
+        packs: args.packs.packs.clone(),
         mode: args.worker,
         patience: args.patience,
     };
@@ -310,12 +316,17 @@ fn explain(tally: &Tally, attempts: u32) {
 }
 
 /// The first name of the plan that the assets do not define, as an error message.
-fn unknown(path: &Path, plan: &Plan, assets: Option<&Path>) -> anyhow::Result<Option<String>> {
+fn unknown(
+    path: &Path,
+    plan: &Plan,
+    assets: Option<&Path>,
+    packs: &[PathBuf],
+) -> anyhow::Result<Option<String>> {
     let folder = assets.map(Path::to_owned).or_else(installed::assets);
-    let named = folder.and_then(|folder| names::unknown(path, plan, &folder));
+    let named = folder.and_then(|folder| names::unknown(path, plan, &folder, packs));
     match named {
         Some(problem) => Ok(Some(problem)),
-        None => unknown_tasks(path, plan, assets),
+        None => unknown_tasks(path, plan, assets, packs),
     }
 }
 
@@ -324,8 +335,13 @@ fn unknown_tasks(
     path: &Path,
     plan: &Plan,
     assets: Option<&Path>,
+    packs: &[PathBuf],
 ) -> anyhow::Result<Option<String>> {
-    let listed = tasks_of_program(assets)?;
+    let listed = tasks_of_program(TaskSources {
+        assets,
+        packs,
+        scene: &plan.scenario().scene,
+    })?;
     let known: BTreeSet<&str> = listed.iter().map(|task| task.name.as_str()).collect();
     let unknown = plan
         .tasks

@@ -1,8 +1,9 @@
 //! Checks the names of a plan against the assets before a campaign starts, because a server
 //! would reject every episode with an unknown name.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use wheelarm_pack::Store as PackStore;
 use wheelarm_proto::person::NO_PERSON;
 
 use super::plan::Plan;
@@ -24,10 +25,14 @@ struct Named<'a> {
 /// Error message for the first name in the plan at `path` that the folder `assets` does not
 /// define, with the defined names. Tasks are checked by the server.
 #[must_use]
-pub fn unknown(path: &Path, plan: &Plan, assets: &Path) -> Option<String> {
+pub fn unknown(path: &Path, plan: &Plan, assets: &Path, packs: &[PathBuf]) -> Option<String> {
     let named = |what, name, known| Named { what, name, known };
+    let mut scenes = files(assets, "scenes");
+    if !scenes.is_empty() {
+        scenes.extend(PackStore::search(packs, assets).names());
+    }
     let mut all = vec![
-        named("scene", &plan.scenario().scene, files(assets, "scenes")),
+        named("scene", &plan.scenario().scene, scenes),
         named(
             "robot",
             &plan.scenario().robot,
@@ -146,7 +151,7 @@ mod tests {
         let path = Path::new("p.toml");
         let check = |from: &str, to: &str| {
             let plan = Plan::parse(path, PLAN.replace(from, to)).unwrap();
-            unknown(path, &plan, &assets)
+            unknown(path, &plan, &assets, &[])
         };
         assert_eq!(check("", ""), None);
         assert_eq!(check("body = \"man_p50\", ", ""), None);

@@ -22,6 +22,7 @@ use crate::sentences::Language;
 use crate::variation::Variation;
 use crate::worker_mode::WorkerMode;
 use wheelarm_options::choice::{MOST_SEEDS, named, patience, seed_range};
+use wheelarm_options::packs::PackArgs;
 
 /// Subcommands of `wheelarm evaluate`.
 #[derive(clap::Subcommand, Clone, Debug)]
@@ -148,6 +149,9 @@ pub struct EvaluateArgs {
     /// Assets folder; found by the server when absent.
     #[arg(long, env = "WHEELARM_ASSETS")]
     pub assets: Option<PathBuf>,
+    /// World packs.
+    #[command(flatten)]
+    pub packs: PackArgs,
 }
 
 /// A share, 0 to 1.

@@ -35,7 +35,7 @@ use entry::Job;
 use report::Report;
 use runner::Runner;
 use scope::Scope;
-use wheelarm_rollout::launcher::tasks_of_program;
+use wheelarm_rollout::launcher::{TaskSources, tasks_of_program};
 
 pub use args::EvaluateArgs;
 pub use entry::Entry;
@@ -212,7 +212,11 @@ fn skipped(args: &EvaluateArgs, done: &[&Entry], wanted: usize) -> String {
 /// Names of the tasks to run. With the axis `layout`, `all` means the tasks that have several
 /// layouts.
 fn tasks(args: &EvaluateArgs, layout: bool) -> anyhow::Result<Vec<String>> {
-    let listed = tasks_of_program(args.assets.as_deref())?;
+    let listed = tasks_of_program(TaskSources {
+        assets: args.assets.as_deref(),
+        packs: &args.packs.packs,
+        scene: &args.scene,
+    })?;
     let (several, one): (Vec<_>, Vec<_>) = listed.iter().partition(|task| task.variants.len() > 1);
     let names = |tasks: Vec<&v1::TaskInfo>| {
         let names = tasks.into_iter().map(|task| task.name.clone());

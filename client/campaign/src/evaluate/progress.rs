@@ -2,8 +2,9 @@
 //! the streams of the server, never from reports of an operator or a policy. No I/O: samples
 //! in, a [`Course`] out.
 
-use nalgebra::{Isometry3, Point3};
-use wheelarm_proto::check::Invalid;
+use nalgebra::{Isometry3, Point3, Unit, Vector3};
+use wheelarm_proto::check::{self, Invalid};
+use wheelarm_proto::furniture::JointMotion;
 use wheelarm_proto::geometry::normalized;
 use wheelarm_proto::robot::Roles;
 use wheelarm_proto::topic::Sample;
@@ -31,8 +32,10 @@ const REST_NANOS: u64 = 250_000_000;
 const PRESS_FORCE: f64 = 0.5;
 /// Height above its initial one from which an object is lifted, metres.
 const LIFT_HEIGHT: f64 = 0.02;
-/// Distance in the required direction from which a slide has moved, metres.
+/// Change in the required direction from which a joint has moved, metres or, of what
+/// turns, radians.
 const SLIDE_DISTANCE: f64 = 0.01;
+const TURN_ANGLE: f64 = 0.03;
 
 /// Follows one episode.
 #[derive(Clone, Debug)]
@@ -62,9 +65,9 @@ struct Goal {
     target: String,
     /// Index among the objects; absent for a slide.
     object: Option<usize>,
-    /// Index among the slides, its pose at 0 and its axis.
-    slide: Option<(usize, Isometry3<f64>, [f64; 3])>,
-    /// Wanted position of the slide, metres.
+    /// Index among the joints of furniture, with the joint.
+    slide: Option<(usize, Joint)>,
+    /// Wanted position of the joint, metres or radians.
     position: f64,
     /// Region to place it in: pose of the centre and half sizes along x and y, metres.
     region: Option<(Isometry3<f64>, [f64; 2])>,
@@ -74,6 +77,15 @@ struct Goal {
     /// Greatest horizontal distance at which the arm reaches objects, metres.
     range: f64,
     hand: Vec<String>,
+}
+
+/// The joint of furniture.
+#[derive(Clone, Debug, PartialEq)]
+struct Joint {
+    motion: JointMotion,
+    axis: Unit<Vector3<f64>>,
+    /// Pose of the body at position 0.
+    rest: Isometry3<f64>,
 }
 
 impl Follower {
@@ -90,9 +102,15 @@ impl Follower {
         let slide = slide
             .filter(|(_, joint)| way == Way::Slide && joint.name == goal.joint)
             .map(|(index, joint)| {
-                let axis = joint.axis.unwrap_or_default();
-                let rest = normalized("rest pose of a joint", joint.rest.as_ref())?;
-                Ok((index, rest, [axis.x, axis.y, axis.z]))
+                let axis = check::vector("axis of a joint", joint.axis.as_ref())?;
+                Ok((
+                    index,
+                    Joint {
+                        motion: JointMotion::of(joint),
+                        axis: Unit::new_normalize(axis.into()),
+                        rest: normalized("rest pose of a joint", joint.rest.as_ref())?,
+                    },
+                ))
             })
             .next()
             .transpose()?;
@@ -245,10 +263,10 @@ impl Follower {
 
     /// Pose of the target, and its height or the position of the slide, metres.
     fn target(&self) -> Option<(Isometry3<f64>, f64)> {
-        if let Some((index, rest, axis)) = &self.goal.slide {
+        if let Some((index, joint)) = &self.goal.slide {
             let position = *self.slides.get(*index)?;
-            let way = nalgebra::Vector3::from(*axis) * position;
-            return Some((nalgebra::Translation3::from(way) * rest, position));
+            let pose = joint.motion.pose(&joint.axis, &joint.rest, position);
+            return Some((pose, position));
         }
         let pose = *self.objects.get(self.goal.object?)?;
         Some((pose, pose.translation.z))
@@ -283,15 +301,21 @@ impl Follower {
         let was_lifted = self.has(Milestone::Lifted) || lifted;
         let whole = self.goal.position - began;
         let way = (height - began) * whole.signum();
-        let slides = self.goal.slide.is_some();
+        let least = (self.goal.slide.as_ref()).map(|(_, joint)| match joint.motion {
+            JointMotion::Slides => SLIDE_DISTANCE,
+            JointMotion::Turns => TURN_ANGLE,
+        });
         for (step, holds) in [
             (Milestone::InReach, near && rested),
             (Milestone::Touched, self.touching),
             (Milestone::Gripped, gripped),
             (Milestone::Lifted, lifted),
             (Milestone::OverRegion, was_lifted && over),
-            (Milestone::Moved, slides && way > SLIDE_DISTANCE),
-            (Milestone::HalfWay, slides && way > whole.abs() / 2.0),
+            (Milestone::Moved, least.is_some_and(|least| way > least)),
+            (
+                Milestone::HalfWay,
+                least.is_some() && way > whole.abs() / 2.0,
+            ),
         ] {
             let is_on_the_way = || self.goal.way.steps().iter().any(|(on, _)| *on == step);
             if holds && !self.has(step) && is_on_the_way() {

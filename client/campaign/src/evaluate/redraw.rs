@@ -146,6 +146,7 @@ fn render(args: &EvaluateArgs, recording: &Path, folder: &Path) -> anyhow::Resul
         quality: None,
         graphics: args.graphics.clone(),
         assets: args.assets.clone(),
+        packs: args.packs.clone(),
     })?;
     if code != ExitCode::SUCCESS {
         bail!("its states differ, or the new recording is not complete");

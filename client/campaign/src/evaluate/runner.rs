@@ -46,13 +46,15 @@ impl<'a> Runner<'a> {
         let backend: Box<dyn Backend> = match is_in_process {
             true => Box::new(InProcess::new(WorkerOptions {
                 assets,
+                packs: args.packs.packs.clone(),
                 adapter,
                 folder: Some(args.out.clone()),
             })),
             false => {
                 let cameras = driver.cameras(args.cameras(), !args.camera.is_empty())?;
                 let scenario = args.scenario(None, cameras);
-                Box::new(Processes::new(assets, adapter).keeping(scenario, record.clone()))
+                let processes = Processes::new(assets, adapter).with_packs(&args.packs.packs);
+                Box::new(processes.keeping(scenario, record.clone()))
             }
         };
         Ok(Self {

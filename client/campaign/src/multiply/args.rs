@@ -9,6 +9,7 @@ use wheelarm_proto::settings::Starts;
 
 use crate::disturb::Disturb;
 use wheelarm_options::choice::{named, patience, seed_range};
+use wheelarm_options::packs::PackArgs;
 
 /// First seed without `--seeds`: a seed for training (`wheelarm_proto::seeds`).
 const FIRST_SEED: u64 = 500_000;
@@ -64,6 +65,9 @@ pub struct MultiplyArgs {
     /// Assets folder; found by the server when absent.
     #[arg(long, env = "WHEELARM_ASSETS")]
     pub assets: Option<PathBuf>,
+    /// World packs.
+    #[command(flatten)]
+    pub packs: PackArgs,
 }
 
 impl MultiplyArgs {

@@ -43,6 +43,7 @@ impl<'a> Runner<'a> {
             shown,
             backend: InProcess::new(WorkerOptions {
                 assets: args.assets.clone(),
+                packs: sources.packs.before(&args.packs.packs),
                 adapter: None,
                 folder: Some(args.out.clone()),
             }),
@@ -124,6 +125,7 @@ impl<'a> Runner<'a> {
         Rollout {
             scenario: v1::Scenario {
                 scene: self.sources.scene.clone(),
+                packs: self.sources.refs.clone(),
                 robot: self.sources.robot.clone(),
                 task: Some(args.task.clone()),
                 seed: Some(seed),

@@ -20,6 +20,7 @@ use wheelarm_rollout::launcher::{Server, ServerOptions};
 use wheelarm_sdk::Client;
 
 use super::args::MultiplyArgs;
+use crate::replay::packs::RecordedPacks;
 
 /// Recordings to multiply.
 pub struct Sources {
@@ -32,6 +33,10 @@ pub struct Sources {
     /// Scene and robot of all of them.
     pub scene: String,
     pub robot: String,
+    /// World packs of the scene.
+    pub refs: Vec<v1::PackRef>,
+    /// Files of the world packs.
+    pub packs: RecordedPacks,
 }
 
 impl Sources {
@@ -45,6 +50,8 @@ impl Sources {
             left_out: Vec::new(),
             other_tasks: BTreeSet::new(),
             scene: String::new(),
+            refs: Vec::new(),
+            packs: RecordedPacks::default(),
             robot: String::new(),
         };
         let mut server: Option<(Server, Client)> = None;
@@ -69,16 +76,19 @@ impl Sources {
             let scenario = recording.scenario()?;
             if sources.list.is_empty() {
                 sources.scene.clone_from(&scenario.scene);
+                sources.refs.clone_from(&scenario.packs);
+                sources.packs = RecordedPacks::unpack(&recording)?;
                 sources.robot.clone_from(&scenario.robot);
             }
-            if (&sources.scene, &sources.robot) != (&scenario.scene, &scenario.robot) {
+            let own = (&sources.scene, &sources.refs, &sources.robot);
+            if own != (&scenario.scene, &scenario.packs, &scenario.robot) {
                 let why = "it is of another scene or robot than those before".to_owned();
                 sources.left_out.push((name, why));
                 continue;
             }
             let (_, client) = match &mut server {
                 Some(server) => server,
-                none => none.insert(start(args, &scenario)?),
+                none => none.insert(start(args, &sources.packs, &scenario)?),
             };
             match demonstration(&recording, &name, scenario, client) {
                 Ok(one) => sources.list.push(one),
@@ -152,10 +162,15 @@ fn open(path: &Path, task: &str) -> anyhow::Result<Found> {
 }
 
 /// Starts a server with a recorded scenario.
-fn start(args: &MultiplyArgs, scenario: &v1::Scenario) -> anyhow::Result<(Server, Client)> {
+fn start(
+    args: &MultiplyArgs,
+    packs: &RecordedPacks,
+    scenario: &v1::Scenario,
+) -> anyhow::Result<(Server, Client)> {
     let server = Server::start(&ServerOptions {
         scenario: v1::Scenario {
             scene: scenario.scene.clone(),
+            packs: scenario.packs.clone(),
             robot: scenario.robot.clone(),
             task: Some(scenario.task().to_owned()),
             seed: Some(scenario.seed()),
@@ -163,6 +178,7 @@ fn start(args: &MultiplyArgs, scenario: &v1::Scenario) -> anyhow::Result<(Server
             ..v1::Scenario::default()
         },
         assets: args.assets.clone(),
+        packs: packs.before(&args.packs.packs),
         ..ServerOptions::default()
     })?;
     let client = server.client()?;

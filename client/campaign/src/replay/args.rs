@@ -9,6 +9,7 @@ use wheelarm_proto::v1;
 
 use crate::adapters::AdapterArgs;
 use wheelarm_options::choice::named;
+use wheelarm_options::packs::PackArgs;
 
 /// Options of `wheelarm replay`.
 #[derive(Args, Clone, Debug)]
@@ -69,6 +70,9 @@ pub struct ReplayArgs {
     /// Assets folder; found by the server when absent.
     #[arg(long, env = "WHEELARM_ASSETS")]
     pub assets: Option<PathBuf>,
+    /// World packs.
+    #[command(flatten)]
+    pub packs: PackArgs,
 }
 
 impl ReplayArgs {

@@ -28,6 +28,7 @@ pub(super) fn run(
     let rollout = Rollout {
         scenario: v1::Scenario {
             scene: scenario.scene.clone(),
+            packs: scenario.packs.clone(),
             task: Some(scenario.task().to_owned()),
             robot: scenario.robot.clone(),
             seed: Some(scenario.seed()),
@@ -48,7 +49,8 @@ pub(super) fn run(
         folder: None,
         observer: Arc::new(()),
     };
-    let backend = Processes::new(args.assets.clone(), adapter.map(str::to_owned));
+    let backend = Processes::new(args.assets.clone(), adapter.map(str::to_owned))
+        .with_packs(&args.packs.packs);
     Ok(backend.run(&rollout)??)
 }
 

@@ -45,6 +45,19 @@ pub const STATUS: &str = manual!(
 "
 );
 
+/// `wheelarm pack`.
+pub const PACK: &str = manual!(
+    "  wheelarm pack check anna-flat
+  wheelarm pack list --packs homes
+  wheelarm --connect tls/sim-host:7447 --keys ada pack put anna-flat
+  wheelarm pack extract data/demo-seed0.h5 --out homes
+",
+    "  0  done
+  1  a pack is not valid, or the server rejects it; the message names the fix
+",
+    "\n  WHEELARM_PACKS    folders of packs, separated by `:`, as --packs"
+);
+
 /// `wheelarm keys`.
 pub const KEYS: &str = manual!(
     "  wheelarm keys init --host sim-host --keys /srv/wheelarm/keys

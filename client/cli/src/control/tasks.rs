@@ -2,7 +2,7 @@
 //! `wheelarm-server`, which reads the assets.
 
 use wheelarm_proto::v1;
-use wheelarm_rollout::launcher::tasks_of_program;
+use wheelarm_rollout::launcher::{TaskSources, tasks_of_program};
 use wheelarm_sdk::{ClientError, Connect};
 
 use super::{open, print};
@@ -17,7 +17,7 @@ pub fn tasks(connect: &Connect) -> anyhow::Result<()> {
     let tasks = match reply {
         Ok(list) => list.tasks,
         Err(ClientError::NoServer { endpoint, .. }) => {
-            let tasks = tasks_of_program(None)?;
+            let tasks = tasks_of_program(TaskSources::default())?;
             eprintln!("no server replies at {endpoint}: these are the tasks of `wheelarm-server`");
             tasks
         }

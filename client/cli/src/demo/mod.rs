@@ -22,8 +22,10 @@ use summary::Summary;
 use wheelarm_campaign::policy_options::{DriverChoice, PolicyArgs, Start};
 use wheelarm_expert::run::Progress;
 use wheelarm_options::choice::{named, seed_range};
-use wheelarm_rollout::launcher::tasks_of_program;
-use wheelarm_rollout::launcher::{Input, Launch, Process, Program, all_cameras};
+use wheelarm_options::packs::PackArgs;
+use wheelarm_rollout::launcher::{
+    Input, Launch, Process, Program, TaskSources, all_cameras, tasks_of_program,
+};
 use wheelarm_rollout::{Backend, Limits, Observer, Processes, Record, Rollout, free_label};
 
 /// Longest time for rendering a contact sheet.
@@ -73,6 +75,9 @@ pub struct DemoArgs {
     /// Assets folder; found by the server when absent.
     #[arg(long, env = "WHEELARM_ASSETS")]
     pub assets: Option<PathBuf>,
+    /// World packs.
+    #[command(flatten)]
+    pub packs: PackArgs,
     /// Skips the contact sheet.
     #[arg(long)]
     pub no_sheet: bool,
@@ -106,7 +111,11 @@ impl DemoArgs {
 /// When a program cannot be started or stops replying.
 pub fn run(args: &DemoArgs) -> anyhow::Result<ExitCode> {
     let (first, end) = args.seeds.unwrap_or((args.seed, args.seed + 1));
-    let tasks = tasks_of_program(args.assets.as_deref())?;
+    let tasks = tasks_of_program(TaskSources {
+        assets: args.assets.as_deref(),
+        packs: &args.packs.packs,
+        scene: &args.scene,
+    })?;
     if !args.task.is_empty() && !tasks.iter().any(|task| task.name == args.task) {
         let names: Vec<&str> = tasks.iter().map(|task| task.name.as_str()).collect();
         bail!(
@@ -179,7 +188,7 @@ fn record_episode(args: &DemoArgs, driver: &DriverChoice, seed: u64) -> anyhow::
         folder: None,
         observer: display.clone(),
     };
-    let backend = Processes::new(args.assets.clone(), None);
+    let backend = Processes::new(args.assets.clone(), None).with_packs(&args.packs.packs);
     let result = backend.run_and_then(&rollout, &mut || {
         bar.set_message(format!("seed {seed}: finishing the file"));
     });

@@ -8,7 +8,7 @@ use wheelarm_language::space::{self, Side};
 use wheelarm_language::{Scene, is_plural};
 
 use super::sight::Sight;
-use super::state::{OPEN, State};
+use super::state::State;
 use crate::pose;
 use crate::read::{Episode, ReadError};
 
@@ -327,7 +327,7 @@ fn held(state: &State, row: usize) -> Option<Draft> {
 fn open(state: &State, row: usize, slides: &[usize], turns: &mut Turns) -> Option<Draft> {
     let slide = *turns.next(slides)?;
     let name = &state.home.slides[slide].name;
-    let is_open = state.slides[row][slide] >= OPEN;
+    let is_open = state.is_open(row, slide);
     Some(Draft {
         question: format!("Is {} open?", state.called(name)),
         answer: if is_open { "yes" } else { "no" }.to_owned(),

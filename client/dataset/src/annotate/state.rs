@@ -9,8 +9,10 @@ use crate::read::{Episode, ReadError};
 
 /// An object is held when each finger tip presses it with this force at least, N.
 pub const HELD: f64 = 0.5;
-/// Furniture is open from this position on, metres.
+/// Furniture that slides is open from this position on, metres.
 pub const OPEN: f64 = 0.02;
+/// Furniture that turns is open from this position on, radians.
+pub const OPEN_TURN: f64 = 0.1;
 
 /// The state of an episode.
 #[derive(Clone, Debug)]
@@ -27,7 +29,7 @@ pub struct State {
     pub ticks: Vec<u64>,
     /// Poses of the objects in `house`: sample by object.
     pub poses: Vec<Vec<Pose>>,
-    /// Positions of furniture that slides, metres: sample by slide of the home.
+    /// Positions of furniture on joints, metres or radians: sample by slide of the home.
     pub slides: Vec<Vec<f64>>,
     /// The arm's base in `house`.
     pub base: Vec<Pose>,
@@ -60,6 +62,16 @@ struct PlaceQuery {
 }
 
 impl State {
+    /// Whether furniture on a joint, by its index among the slides, is open in a sample.
+    #[must_use]
+    pub fn is_open(&self, sample: usize, slide: usize) -> bool {
+        let least = match self.home.slides[slide].turns {
+            true => OPEN_TURN,
+            false => OPEN,
+        };
+        self.slides[sample][slide] >= least
+    }
+
     /// Reads it.
     ///
     /// # Errors

@@ -10,7 +10,7 @@ use super::contacts::Interval;
 use super::labels::Annotations;
 use super::questions::{KINDS, Question};
 use super::shapes;
-use super::state::{HELD, OPEN, State};
+use super::state::{HELD, OPEN, OPEN_TURN, State};
 use super::subtasks::Subtask;
 use super::trace::STEPS;
 use crate::hdf::{Attributes, texts};
@@ -35,13 +35,14 @@ pub fn write(
         .set("version", VERSION)?
         .set("held_newton", HELD)?
         .set("open_metres", OPEN)?
+        .set("open_radians", OPEN_TURN)?
         .set("side_step_metres", space::STEP)?
         .set("visible_pixels", VISIBLE_PIXELS as u64)?
         .text(
             "definitions",
             "left, right, front and behind: of who sits in the chair while it stands at the area and looks \
              at it; held: both finger tips press it with held_newton or more; within reach: the origin lies \
-             within the outer radius of robot.toml's reach; open: the joint stands at open_metres or more; \
+             within the outer radius of robot.toml's reach; open: the joint stands at open_metres (open_radians of what turns) or more; \
              visible share: pixels of the object's id over those of the union of the hulls of its projected \
              parts; cameras of a question: those whose images at its time show what question and answer are \
              about with at least visible_pixels pixels each, none for a question from memory",

@@ -53,6 +53,8 @@ pub struct Context {
     pub objects: Vec<String>,
     /// Names of the furniture's joints in the order of `FurnitureJoints`.
     pub furniture_joints: Vec<String>,
+    /// Whether each of these turns; empty when the file does not say.
+    pub furniture_turns: Vec<bool>,
     /// Vertices of the soft object's skin.
     pub vertices: usize,
     /// Condition names in the order in which they first appeared.
@@ -103,6 +105,20 @@ impl Axis {
             Self::Vertices | Self::Contacts | Self::Names(_) | Self::Components(_) => return,
         };
         names.clone_into(entries);
+    }
+
+    /// Unit of each entry, where entries of a column have several: those of a `unit` like
+    /// `m or rad` that the episode's joints have.
+    #[must_use]
+    pub fn units(self, unit: &str, context: &Context) -> Option<Vec<String>> {
+        let known = context.furniture_turns.len() == context.furniture_joints.len();
+        let (Self::FurnitureJoints, true, Some((slides, turns))) =
+            (self, known, unit.split_once(" or "))
+        else {
+            return None;
+        };
+        let of = |is_turning: &bool| if *is_turning { turns } else { slides }.to_owned();
+        Some(context.furniture_turns.iter().map(of).collect())
     }
 
     /// Name of the attribute that lists the entries, and the entries.

@@ -102,7 +102,7 @@ pub fn read(
 /// A position in `house` by the sample of the state, metres; `None` without one.
 type Point<'a> = Box<dyn Fn(usize) -> Option<[f64; 3]> + 'a>;
 
-/// The middle of an object, or the handle's origin of a slide.
+/// The middle of an object, or the handle of furniture on a joint.
 fn object_point<'a>(state: &'a State, name: &str) -> Point<'a> {
     if let Some(object) = state.objects.iter().position(|object| object == name) {
         let middle = annotate::middle(state, name);
@@ -116,7 +116,13 @@ fn object_point<'a>(state: &'a State, name: &str) -> Point<'a> {
         let slide = slide?;
         let open = *state.slides.get(sample)?.get(slide)?;
         let slide = &slides[slide];
-        Some([0, 1, 2].map(|k| slide.origin[k] + slide.axis[k] * open))
+        if slide.turns {
+            let [x, y, z] = slide.origin;
+            let [i, j, k, w] = pose::about(slide.axis, open);
+            let arm = [0, 1, 2].map(|k| slide.handle[k] - slide.origin[k]);
+            return Some(pose::point(&[x, y, z, i, j, k, w], arm));
+        }
+        Some([0, 1, 2].map(|k| slide.handle[k] + slide.axis[k] * open))
     })
 }
 

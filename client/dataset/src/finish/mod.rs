@@ -254,6 +254,9 @@ fn fill(file: hdf5::File, path: &Path, scan: &Scan, account: &Account) -> Result
     let context = Context {
         objects: started.objects.clone(),
         furniture_joints: started.joints.clone(),
+        furniture_turns: (started.joint_types())
+            .map(|motion| motion == v1::JointType::Revolute)
+            .collect(),
         vertices: vertices(scan, index(scan, "deformable"))?,
         conditions: conditions(scan, evaluation_stream)?,
         ..Context::from_description(&robot)
@@ -261,6 +264,7 @@ fn fill(file: hdf5::File, path: &Path, scan: &Scan, account: &Account) -> Result
     root::attributes(&file, scan, account, last.as_ref(), &context)?;
     root::scenario(&file, scan)?;
     root::initial_state(&file, &scan.preamble)?;
+    root::packs(&file, &scan.preamble)?;
     root::robot(&file, &robot)?;
 
     let group = file.create_group("streams")?;

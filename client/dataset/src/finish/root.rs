@@ -224,6 +224,31 @@ pub(super) fn robot(file: &File, robot: &v1::RobotDescription) -> hdf5::Result<(
     Ok(())
 }
 
+/// Writes `/packs`: the zip file of each world pack, for replays without its folder.
+pub(super) fn packs(file: &File, preamble: &Preamble) -> hdf5::Result<()> {
+    let packs = preamble.snapshot.iter().flat_map(|state| &state.packs);
+    let packs: Vec<&v1::PackFile> = packs.collect();
+    if packs.is_empty() {
+        return Ok(());
+    }
+    let group = file.create_group("packs")?;
+    for pack in packs {
+        let about = pack.pack.clone().unwrap_or_default();
+        let data = group
+            .new_dataset::<u8>()
+            .shape([pack.zip.len()])
+            .create(about.name.as_str())?;
+        if !pack.zip.is_empty() {
+            data.write(&pack.zip[..])?;
+        }
+        Attributes::for_object(&data)
+            .text("version", &about.version)?
+            .text("physics_digest", &about.physics_digest)?
+            .text("rendering_digest", &about.rendering_digest)?;
+    }
+    Ok(())
+}
+
 /// Writes `/initial_state`.
 pub(super) fn initial_state(file: &File, preamble: &Preamble) -> hdf5::Result<()> {
     let group = file.create_group("initial_state")?;

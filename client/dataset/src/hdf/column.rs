@@ -67,6 +67,9 @@ impl ColumnWriter {
             if let Some((name, labels)) = axis.labels(context) {
                 attributes.texts(name, &labels)?;
             }
+            if let Some(units) = axis.units(column.unit, context) {
+                attributes.texts("units_by_name", &units)?;
+            }
         }
         Ok(Self { target, written: 0 })
     }

@@ -5,6 +5,7 @@ mod camera;
 mod chunks;
 mod column;
 mod error;
+mod packs;
 mod refusal;
 mod robot;
 mod samples;
@@ -218,6 +219,7 @@ impl Episode {
                     part: at(&parts, i),
                 })
                 .collect(),
+            packs: self.packs()?,
         })
     }
 

@@ -7,6 +7,9 @@ use hdf5::dataset::Layout;
 use hdf5::{Dataset, File, Group, LinkType};
 
 use crate::log::{MAX_MESSAGE, MAX_SNAPSHOT};
+
+/// Most bytes of the zip file of a world pack.
+const MAX_PACK: u64 = 64 << 20;
 use crate::writer::MAX_SIDE;
 
 /// Deepest group of a recording is `/streams/camera/NAME`; a cycle of hard links has
@@ -140,6 +143,7 @@ fn ceiling(path: &str) -> Option<(Size, u64)> {
     let parts: Vec<&str> = path.split('/').collect();
     match parts.as_slice() {
         ["initial_state", "snapshot"] => Some((Size::Whole, MAX_SNAPSHOT as u64)),
+        ["packs", _] => Some((Size::Whole, MAX_PACK)),
         ["robot", "message"] | ["scenario", _] => Some((Size::Whole, MAX_MESSAGE as u64)),
         ["streams", "camera" | "sensor", _, name] if is_image(name) => {
             Some((Size::Sample, MAX_IMAGE))

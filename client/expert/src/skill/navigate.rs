@@ -203,13 +203,10 @@ fn wanted(
         }
         Goal::Open { slide, .. } | Goal::Close { slide, .. } => {
             let slide_now = now.observation.slides.get(*slide).copied().unwrap_or(0.0);
-            let axis = now.scene.slides[*slide].axis;
-            let aim = now.goal.slide().map_or(slide_now, |(_, aim)| aim);
-            let pulled = |share: f64| {
-                let distance = (aim - slide_now) * share;
-                Translation3::from(axis.scale(distance)) * candidate.grasp
-            };
-            vec![vec![vec![pulled(1.0)]], vec![vec![pulled(0.3)]]]
+            let joint = &now.scene.slides[*slide];
+            let aim = now.goal.aim(now.scene).map_or(slide_now, |(_, aim)| aim);
+            let pulled = |share: f64| joint.carried(&candidate.grasp, (aim - slide_now) * share);
+            vec![vec![pulled(1.0)], vec![pulled(0.3)]]
         }
     };
     Wanted { approach, then }
@@ -332,10 +329,10 @@ fn opened(now: &Now<'_>) -> Option<FootprintCheck> {
     let Goal::Open { slide, .. } = now.goal else {
         return None;
     };
-    let (_, aim) = now.goal.slide()?;
+    let (_, aim) = now.goal.aim(now.scene)?;
     let slide = now.scene.slides.get(*slide)?;
     let mut poses = now.poses.to_vec();
-    poses[slide.item] = Translation3::from(slide.axis.scale(aim)) * slide.rest;
+    poses[slide.item] = slide.pose(aim);
     Some(now.scene.footprint_check(&poses))
 }
 

@@ -1,15 +1,18 @@
-//! Pull: pulls a slide open by its handle, or pushes it shut: with the arm as far as it
-//! reaches, then with the chair.
+//! Pull: pulls furniture on a joint open by its handle, or pushes it shut: with the arm as
+//! far as it reaches, then with the chair. What turns takes the hand along its arc.
 
-use nalgebra::Translation3;
+use nalgebra::Point3;
+use wheelarm_proto::furniture::JointMotion;
 use wheelarm_proto::v1::Phase;
 
 use super::motion::{Motion, Progress};
 use super::{Act, Now, Skill, Step};
 use crate::goal::Goal;
 
-/// The slide may stay short of the hand's aim by this much, metres.
+/// The joint may stay short of the hand's aim by this much, metres or, of what turns,
+/// radians.
 const SHORT: f64 = 0.01;
+const SHORT_TURN: f64 = 0.03;
 /// Shares of the distance that are tried with the arm alone.
 const SHARES: [f64; 6] = [1.0, 0.8, 0.6, 0.4, 0.2, 0.1];
 /// The handle has slipped when it moved this far in the hand, metres.
@@ -51,7 +54,7 @@ impl Default for Pull {
 
 impl Skill for Pull {
     fn step(&mut self, now: &mut Now<'_>) -> Step {
-        let Some((slide, aim)) = now.goal.slide() else {
+        let Some((slide, aim)) = now.goal.aim(now.scene) else {
             return Step::Impossible("there is nothing to pull".to_owned());
         };
         let opens = !matches!(now.goal, Goal::Close { .. });
@@ -59,31 +62,39 @@ impl Skill for Pull {
         // Along the axis, still to go; past the aim is as good.
         let way = aim - open;
         let left = if opens { way } else { -way };
+        let joint = &now.scene.slides[slide];
+        let (short, at) = match joint.motion {
+            JointMotion::Slides => (SHORT, format!("{open:.3} m")),
+            JointMotion::Turns => (SHORT_TURN, format!("{:.0}°", open.to_degrees())),
+        };
         let act = Act::named(Phase::Retracting, if opens { "pulling" } else { "pushing" });
+        // At the handle: the hand may turn about a bar.
+        let grip = Point3::new(0.0, 0.0, now.scene.tool_length);
         let slipped = now.memory.held.is_some_and(|held| {
-            let moved = held.translation.vector - now.object_in_hand().translation.vector;
+            let moved = now.object_in_hand() * held.inverse_transform_point(&grip) - grip;
             moved.norm() > SLIP
         });
-        if slipped && left > SHORT {
-            return Step::Missed(format!("the handle slipped at {open:.3} m"));
+        if slipped && left > short {
+            return Step::Missed(format!("the handle slipped at {at}"));
         }
         match self.state.clone() {
             State::Choose => {
                 let start = now.house_from_desired();
-                let axis = now.scene.slides[slide].axis;
                 let way = if left > 0.0 { way } else { 0.0 };
-                let pulled = |share: f64| Translation3::from(axis.scale(way * share)) * start;
+                let pulled = |share: f64| joint.carried(&start, way * share);
                 // A handle slips out of a hand that is late.
-                let whole =
-                    (SHARES.into_iter()).find(|share| now.reaches_gently(&[pulled(*share)]));
+                let whole = (SHARES.into_iter()).find(|share| now.reaches_gently(&pulled(*share)));
                 let share = whole.or_else(|| {
                     let mut shares = SHARES.into_iter();
-                    shares.find(|share| now.reaches(&[pulled(*share)]))
+                    shares.find(|share| now.reaches(&pulled(*share)))
                 });
                 self.state = match share {
                     Some(share) => {
-                        let stop = (pulled(share), 0.7 * now.profile.carry_speed);
-                        State::Arm(Motion::new(now, &[stop]))
+                        let speed = 0.7 * now.profile.carry_speed;
+                        let stops: Vec<_> = (pulled(share).into_iter())
+                            .map(|pose| (pose, speed))
+                            .collect();
+                        State::Arm(Motion::new(now, &stops))
                     }
                     None => State::Chair {
                         since: now.observation.time,
@@ -94,7 +105,7 @@ impl Skill for Pull {
             State::Arm(motion) => match motion.step(now) {
                 Progress::Moving(tool) => Step::Going(Act { tool, ..act }),
                 Progress::Late(_) | Progress::Arrived => {
-                    if left <= SHORT {
+                    if left <= short {
                         return Step::Done;
                     }
                     self.state = State::Chair {
@@ -104,12 +115,12 @@ impl Skill for Pull {
                 }
             },
             State::Chair { since } => {
-                if left <= SHORT {
+                if left <= short {
                     self.state = State::Stop {
                         since: now.observation.time,
                     };
                 } else if now.observation.time - since > LONGEST {
-                    return Step::Missed(format!("the slide stays at {open:.3} m"));
+                    return Step::Missed(format!("the furniture stays at {at}"));
                 }
                 Step::Going(Act {
                     base: Some([if opens { -BACK } else { BACK }, 0.0]),

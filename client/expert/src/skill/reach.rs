@@ -520,14 +520,14 @@ fn then_from_pregrasp(now: &Now<'_>, candidate: &GraspCandidate) -> Vec<Vec<Isom
             )
         }
         Goal::Open { slide, .. } | Goal::Close { slide, .. } => {
-            let axis = now.scene.slides[*slide].axis;
+            let joint = &now.scene.slides[*slide];
             let first = match now.goal {
                 Goal::Close { .. } => -0.03,
                 _ => 0.06,
             };
-            vec![vec![
-                Translation3::from(axis.scale(first)) * candidate.grasp,
-            ]]
+            let radius = joint.radius(&candidate.grasp.translation.vector.into());
+            let first = joint.change(first, radius);
+            vec![joint.carried(&candidate.grasp, first)]
         }
     };
     then.into_iter()

@@ -1,7 +1,8 @@
 //! Release: opens the gripper, moves the hand back, and stows the arm before another
 //! attempt.
 
-use nalgebra::Translation3;
+use nalgebra::{Isometry3, Point3, Translation3};
+use wheelarm_proto::furniture::JointMotion;
 use wheelarm_proto::v1::Phase;
 
 use super::motion::{Motion, Progress};
@@ -17,6 +18,9 @@ const RETREAT: [f64; 4] = [0.08, 0.05, 0.03, 0.015];
 pub struct Release {
     go_home: bool,
     begun: Option<f64>,
+    /// Of furniture that turns: the handle in its own frame, and where the hand opened,
+    /// in `base_link`.
+    turned: Option<(Point3<f64>, Isometry3<f64>)>,
     motion: Option<Motion>,
 }
 
@@ -27,6 +31,7 @@ impl Release {
         Self {
             go_home: true,
             begun: None,
+            turned: None,
             motion: None,
         }
     }
@@ -41,6 +46,13 @@ impl Release {
     }
 }
 
+/// The point between the pads in the frame of the goal's furniture, when that turns.
+fn turning_handle(now: &Now<'_>, held: &Isometry3<f64>) -> Option<Point3<f64>> {
+    let slide = now.scene.slides.get(now.goal.slide()?)?;
+    let grip = Point3::new(0.0, 0.0, now.scene.tool_length);
+    (slide.motion == JointMotion::Turns).then(|| held.inverse_transform_point(&grip))
+}
+
 impl Skill for Release {
     fn step(&mut self, now: &mut Now<'_>) -> Step {
         let phase = if self.go_home {
@@ -49,7 +61,10 @@ impl Skill for Release {
             Phase::Retracting
         };
         let begun = *self.begun.get_or_insert(now.observation.time);
-        now.memory.held = None;
+        if let Some(held) = now.memory.held.take() {
+            let handle = turning_handle(now, &held);
+            self.turned = handle.map(|handle| (handle, now.observation.base_from_tool));
+        }
         if let Some(motion) = &self.motion {
             return match motion.step(now) {
                 Progress::Moving(tool) => Step::Going(Act {
@@ -68,11 +83,21 @@ impl Skill for Release {
             return Step::Going(Act {
                 base: Some([0.0, 0.0]),
                 opening: (waited < 0.05).then_some(now.scene.hand.stroke),
+                // A hand that was pressed aside would spring back and drag the door.
+                tool: self.turned.map(|(_, tool)| tool),
                 ..Act::named(phase, "opening")
             });
         }
         // Straight back first, so that the fingers leave the object.
-        let start = now.house_from_desired();
+        let mut start = now.house_from_desired();
+        let mut stops = Vec::new();
+        if let Some((handle, tool)) = self.turned {
+            // A finger beside its middle would catch the bar of a door.
+            let aside = (now.object_in_hand() * handle).x;
+            start = now.scene.house_from_base(now.observation) * tool;
+            start *= Translation3::new(aside, 0.0, 0.0);
+            stops.push((start, now.profile.approach_speed));
+        }
         let retreat = |by: f64| start * Translation3::new(0.0, 0.0, -by);
         let by = if self.go_home {
             now.profile.grasp.standoff
@@ -84,7 +109,7 @@ impl Skill for Release {
                 None => return Step::Done,
             }
         };
-        let mut stops = vec![(retreat(by), now.profile.approach_speed)];
+        stops.push((retreat(by), now.profile.approach_speed));
         if let (true, Some(home)) = (self.go_home, now.memory.home) {
             let home = now.scene.house_from_base(now.observation) * home;
             stops.push((home, now.profile.free_speed));

@@ -26,6 +26,8 @@ QUERIES = [
     ("episode", "EpisodeRequest", "EpisodeState", ""),
     ("snapshot", "SnapshotRequest", "SnapshotReply", ""),
     ("sensors", "SensorsRequest", "SensorsReply", ""),
+    ("packs", "PacksRequest", "PacksReply", ""),
+    ("pack_put", "PackPutRequest", "PackPutReply", ""),
     ("shutdown", "ShutdownRequest", "Ack", ""),
 ]
 

@@ -1364,6 +1364,103 @@ class Refusal(_Message):
         code: RefusalCode | str | int | None = ...,
     ) -> None: ...
 
+class PackRef(_Message):
+    """Identity of a world pack."""
+    name: str
+    """Name of the pack; the scene of its home has the same name (no unit)."""
+    version: str
+    """Version that its author gave (no unit)."""
+    physics_digest: str
+    """BLAKE3 hash of everything in the pack that reaches states, sampled values and commands: 64
+    hexadecimal digits. Empty in a request accepts any (no unit).
+    """
+    rendering_digest: str
+    """BLAKE3 hash of meshes, textures and materials: 64 hexadecimal digits. Empty in a request
+    accepts any (no unit).
+    """
+    def __init__(
+        self,
+        *,
+        name: str | None = ...,
+        version: str | None = ...,
+        physics_digest: str | None = ...,
+        rendering_digest: str | None = ...,
+    ) -> None: ...
+
+class PackFile(_Message):
+    """A whole world pack."""
+    pack: PackRef
+    """Its identity."""
+    zip: bytes
+    """Zip file (bytes)."""
+    def __init__(
+        self,
+        *,
+        pack: PackRef | _Mapping[str, _Any] | None = ...,
+        zip: bytes | None = ...,
+    ) -> None: ...
+
+class PackPutRequest(_Message):
+    """Sends a piece of a world pack to the server, which stores the pack when its last piece has
+    arrived. Query `pack_put`.
+    """
+    transfer: int
+    """Sender's number of the transfer: pieces of another transfer of the same client replace it
+    (no unit).
+    """
+    zip_digest: str
+    """BLAKE3 hash of the whole zip file: 64 hexadecimal digits (no unit)."""
+    zip_length: int
+    """Length of the whole zip file, at most 64 MiB (bytes)."""
+    offset: int
+    """Position of this piece in it; pieces arrive in their order (bytes)."""
+    piece: bytes
+    """At most 256 KiB (bytes)."""
+    def __init__(
+        self,
+        *,
+        transfer: int | None = ...,
+        zip_digest: str | None = ...,
+        zip_length: int | None = ...,
+        offset: int | None = ...,
+        piece: bytes | None = ...,
+    ) -> None: ...
+
+class PackPutReply(_Message):
+    """Answers the query `pack_put`."""
+    header: Header
+    """Stamp of the answer."""
+    received: int
+    """Number of bytes that have arrived (bytes)."""
+    pack: PackRef
+    """The stored pack, in the answer to the last piece."""
+    def __init__(
+        self,
+        *,
+        header: Header | _Mapping[str, _Any] | None = ...,
+        received: int | None = ...,
+        pack: PackRef | _Mapping[str, _Any] | None = ...,
+    ) -> None: ...
+
+class PacksRequest(_Message):
+    """Asks for the world packs that the server finds. Query `packs`."""
+
+class PacksReply(_Message):
+    """Answers the query `packs`."""
+    header: Header
+    """Stamp of the answer."""
+    packs: _Messages[PackRef]
+    """The packs, by name."""
+    rejected: _Scalars[str]
+    """Packs that cannot be used, with the reason (no unit)."""
+    def __init__(
+        self,
+        *,
+        header: Header | _Mapping[str, _Any] | None = ...,
+        packs: _Iterable[PackRef | _Mapping[str, _Any]] | None = ...,
+        rejected: _Iterable[str] | None = ...,
+    ) -> None: ...
+
 class JointMimic(_Message):
     """A joint that follows another one."""
     joint: str
@@ -2212,15 +2309,15 @@ class ObjectPlacement(_Message):
     ) -> None: ...
 
 class SlideResistance(_Message):
-    """Sampled friction of furniture that slides."""
+    """Sampled friction of furniture on a joint."""
     joint: str
     """Joint, for example `drawer_1_joint` (no unit)."""
     friction: float
-    """Dry friction, N; absent uses the sampled one. Optional."""
+    """Dry friction, N or N·m; absent uses the sampled one. Optional."""
     damping: float
-    """Viscous friction, N·s/m; absent uses the sampled one. Optional."""
+    """Viscous friction, N·s/m or N·m·s; absent uses the sampled one. Optional."""
     position: float
-    """Joint position at the start, metres; absent is 0, closed. Optional."""
+    """Joint position at the start, metres or radians; absent is 0, closed. Optional."""
     def __init__(
         self,
         *,
@@ -2293,11 +2390,11 @@ class Scenario(_Message):
     Optional.
     """
     target: str
-    """Target of the task: an object, or furniture that slides; when the server samples, the task's
+    """Target of the task: an object, or furniture on a joint; when the server samples, the task's
     only target, or one of several by seed (no unit). Optional.
     """
     slides: _Messages[SlideResistance]
-    """Resistance of furniture that slides. When the server samples, it fills in the missing ones.
+    """Resistance of furniture on joints. When the server samples, it fills in the missing ones.
     """
     deformable_rate_hz: float
     """Rate of the shapes of soft objects, Hz; must divide 60; 0 is off. At start-up 10. Optional.
@@ -2367,6 +2464,11 @@ class Scenario(_Message):
     """The scripted operator looks around before it drives. Absent takes the one in force, at
     start-up false (no unit). Optional.
     """
+    packs: _Messages[PackRef]
+    """World packs of the scene. The answer names the pack in use, absent for a scene of the
+    assets. In a request: packs with these digests, or an error; absent uses the first pack that
+    the server finds under the name of the scene.
+    """
     def __init__(
         self,
         *,
@@ -2402,6 +2504,7 @@ class Scenario(_Message):
         rejected_starts: int | None = ...,
         start_in_view: bool | None = ...,
         look_around: bool | None = ...,
+        packs: _Iterable[PackRef | _Mapping[str, _Any]] | None = ...,
     ) -> None: ...
 
 class TaskGoal(_Message):
@@ -2554,7 +2657,7 @@ class SceneBody(_Message):
     ) -> None: ...
 
 class FurnitureJoint(_Message):
-    """Furniture that slides along an axis, for example a drawer."""
+    """Furniture on a joint: a drawer slides along an axis, a door turns about one."""
     name: str
     """Name, for example `drawer_1_joint` (no unit)."""
     body: str
@@ -2562,7 +2665,9 @@ class FurnitureJoint(_Message):
     rest: Pose
     """Pose of the body in `house` at joint position 0, metres."""
     axis: Vector3
-    """Unit vector of growing positions in `house` (no unit)."""
+    """Unit vector of growing positions in `house`, or of the axis through the origin of `rest`
+    about which they grow (no unit).
+    """
     travel: float
     """Greatest position, metres or radians; the least is 0."""
     type: JointType
@@ -2867,6 +2972,10 @@ class EpisodeStarted(_Message):
     """
     practice: bool
     """Recorders leave this episode out (no unit)."""
+    joint_types: _Scalars[JointType]
+    """Kind of motion of each of `joints`: positions of what slides are metres, of what turns
+    radians (no unit).
+    """
     def __init__(
         self,
         *,
@@ -2888,6 +2997,7 @@ class EpisodeStarted(_Message):
         sensors: _Iterable[str] | None = ...,
         compressed_cameras: bool | None = ...,
         practice: bool | None = ...,
+        joint_types: _Iterable[JointType | str | int] | None = ...,
     ) -> None: ...
 
 class SnapshotRequest(_Message):
@@ -2903,6 +3013,8 @@ class SnapshotReply(_Message):
     """Text of the asset files in use, by path below assets (no unit)."""
     instances: _Messages[Instance]
     """Legend of the instance ids."""
+    packs: _Messages[PackFile]
+    """World packs in use; empty for a scene of the assets."""
     def __init__(
         self,
         *,
@@ -2910,6 +3022,7 @@ class SnapshotReply(_Message):
         snapshot: bytes | None = ...,
         assets: _Iterable[AssetText | _Mapping[str, _Any]] | None = ...,
         instances: _Iterable[Instance | _Mapping[str, _Any]] | None = ...,
+        packs: _Iterable[PackFile | _Mapping[str, _Any]] | None = ...,
     ) -> None: ...
 
 class AssetText(_Message):
@@ -3583,7 +3696,7 @@ class PlaybackRequest(_Message):
     objects: ObjectPoses
     """Objects, as recorded."""
     furniture: FurnitureJoints
-    """Furniture that slides, as recorded."""
+    """Furniture on joints, as recorded."""
     deformable: Deformable
     """Shape of the soft object; absent where it is as it was."""
     applied_samples: _Messages[Applied]

@@ -31,6 +31,7 @@ const ANSWER: Duration = Duration::from_secs(20);
 /// Runs episodes with a server and a recorder in separate processes.
 pub struct Processes {
     assets: Option<PathBuf>,
+    packs: Vec<PathBuf>,
     adapter: Option<String>,
     /// Settings of programs that are kept between episodes.
     kept: Option<Kept>,
@@ -48,9 +49,19 @@ impl Processes {
     pub fn new(assets: Option<PathBuf>, adapter: Option<String>) -> Self {
         Self {
             assets,
+            packs: Vec::new(),
             adapter,
             kept: None,
             programs: Mutex::new(None),
+        }
+    }
+
+    /// With folders of world packs.
+    #[must_use]
+    pub fn with_packs(self, packs: &[PathBuf]) -> Self {
+        Self {
+            packs: packs.to_vec(),
+            ..self
         }
     }
 
@@ -73,6 +84,7 @@ impl Processes {
         let options = ServerOptions {
             scenario: scenario.clone(),
             assets: self.assets.clone(),
+            packs: self.packs.clone(),
             adapter: self.adapter.clone(),
             folder: rollout.folder.clone(),
         };

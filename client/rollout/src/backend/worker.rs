@@ -26,6 +26,8 @@ const MOST_EPISODES: u64 = 64;
 pub struct WorkerOptions {
     /// Assets folder; the worker finds it when absent.
     pub assets: Option<PathBuf>,
+    /// Folders of world packs; those of the environment or the user when empty.
+    pub packs: Vec<PathBuf>,
     /// Graphics adapter, as the server names it; the server's choice when absent.
     pub adapter: Option<String>,
     /// The folder of results, in its command line: for users who list
@@ -239,6 +241,9 @@ fn arguments(options: &WorkerOptions) -> Vec<OsString> {
     let mut arguments = Vec::new();
     if let Some(assets) = &options.assets {
         arguments.extend(["--assets".into(), assets.into()]);
+    }
+    for folder in &options.packs {
+        arguments.extend(["--packs".into(), folder.into()]);
     }
     if let Some(adapter) = &options.adapter {
         arguments.extend(["--adapter".into(), adapter.into()]);

@@ -1,6 +1,6 @@
 //! Tasks of the assets, listed without a running server.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, bail};
@@ -8,17 +8,33 @@ use wheelarm_proto::{program, v1};
 
 use super::program::required_program;
 
-/// Lists the tasks of the assets with the program `wheelarm-server`. No server needs to run.
-///
-/// `assets` is the folder of the assets; the program finds its own when absent.
+/// Where tasks are found.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct TaskSources<'a> {
+    /// Assets folder; the program finds its own when absent.
+    pub assets: Option<&'a Path>,
+    /// Folders of world packs; those of the environment or the user when empty.
+    pub packs: &'a [PathBuf],
+    /// Scene, whose pack may have tasks; empty for the assets alone.
+    pub scene: &'a str,
+}
+
+/// Lists the tasks of the assets, and of the pack of a scene, with the program
+/// `wheelarm-server`. No server needs to run.
 ///
 /// # Errors
 /// When the program is missing or the assets cannot be used.
-pub fn tasks_of_program(assets: Option<&Path>) -> anyhow::Result<Vec<v1::TaskInfo>> {
+pub fn tasks_of_program(sources: TaskSources<'_>) -> anyhow::Result<Vec<v1::TaskInfo>> {
     let mut command = Command::new(required_program("wheelarm-server")?);
     command.args(["--list-tasks", "--json"]);
-    if let Some(assets) = assets {
+    if let Some(assets) = sources.assets {
         command.arg("--assets").arg(assets);
+    }
+    for folder in sources.packs {
+        command.arg("--packs").arg(folder);
+    }
+    if !sources.scene.is_empty() {
+        command.args(["--scene", sources.scene]);
     }
     let output = command
         .output()

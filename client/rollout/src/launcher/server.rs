@@ -22,6 +22,8 @@ pub struct ServerOptions {
     pub scenario: v1::Scenario,
     /// Assets folder; found by the server when absent.
     pub assets: Option<PathBuf>,
+    /// Folders of world packs; those of the environment or the user when empty.
+    pub packs: Vec<PathBuf>,
     /// Graphics adapter by a part of its name; the server's choice when absent.
     pub adapter: Option<String>,
     /// Working folder, which gets its messages as `server.log`; the server
@@ -192,6 +194,9 @@ fn arguments(options: &ServerOptions, sim: &str, listen: &str) -> Vec<OsString> 
     }
     if let Some(assets) = &options.assets {
         arguments.extend(["--assets".into(), assets.into()]);
+    }
+    for folder in &options.packs {
+        arguments.extend(["--packs".into(), folder.into()]);
     }
     if let Some(adapter) = &options.adapter {
         arguments.extend(["--adapter".into(), adapter.into()]);

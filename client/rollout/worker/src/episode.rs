@@ -14,7 +14,7 @@ use wheelarm_rollout::launcher::Panicked;
 use wheelarm_rollout::protocol::{EpisodeRequest, Event};
 use wheelarm_rollout::{FailureCause, Finished, Heartbeat, Record, Session, limits};
 use wheelarm_sdk::Client;
-use wheelarm_server::service::startup;
+use wheelarm_server::service::{packs, startup};
 use wheelarm_server::sim::Simulation;
 
 use super::room::{Room, Stop};
@@ -68,6 +68,10 @@ fn attempt(
     if request.scenario.cameras.is_empty() {
         // Absent, they would be those of the default scenario.
         scenario.cameras.clear();
+    }
+    if let Err(words) = packs::attach(&room.assets, &room.packs, &mut scenario) {
+        failed(FailureCause::Scenario, words);
+        return Ok(());
     }
     let has_cameras = !scenario.cameras.is_empty();
     let sim = match Simulation::new(&room.assets, scenario) {

@@ -20,6 +20,7 @@ use std::sync::Arc;
 use anyhow::{Context, bail};
 use clap::{CommandFactory, Parser};
 use parking_lot::Mutex;
+use wheelarm_pack::Store as PackStore;
 use wheelarm_proto::cache::Store;
 use wheelarm_proto::installed;
 use wheelarm_proto::program::{error_chain, version};
@@ -39,6 +40,14 @@ struct Args {
     /// Assets folder; found beside the program when absent.
     #[arg(long, env = "WHEELARM_ASSETS")]
     assets: Option<PathBuf>,
+    /// Folder of world packs; may be repeated.
+    #[arg(
+        long,
+        value_name = "DIR",
+        env = installed::PACKS_VARIABLE,
+        value_delimiter = ':'
+    )]
+    packs: Vec<PathBuf>,
     /// Graphics adapter by its index, its PCI id or a part of its name
     /// (`wheelarm-server --list-adapters`) [default: the strongest].
     #[arg(long, value_name = "INDEX|PCI-ID|NAME")]
@@ -95,6 +104,7 @@ fn work(args: Args) -> anyhow::Result<()> {
         .context("the runtime cannot start")?;
     let room = Arc::new(Room {
         session: service::session::within()?,
+        packs: PackStore::search(&args.packs, &assets),
         assets,
         graphics: Graphics::for_adapter(args.adapter.as_deref()).caching(Store::open()),
         runtime: runtime.handle().clone(),

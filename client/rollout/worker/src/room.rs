@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use tokio::sync::Notify;
+use wheelarm_pack::Store as PackStore;
 use wheelarm_server::sensors::camera::Graphics;
 use zenoh::Session;
 
@@ -14,6 +15,8 @@ pub struct Room {
     pub session: Session,
     /// Assets folder.
     pub assets: PathBuf,
+    /// Folders of world packs.
+    pub packs: PackStore,
     /// The renderer.
     pub graphics: Graphics,
     /// The runtime of services and recorders.

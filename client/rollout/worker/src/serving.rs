@@ -44,6 +44,7 @@ impl Serving {
             no_cameras: !has_cameras,
             depth,
             access: v1::Access::Local,
+            packs: room.packs.clone(),
         };
         let (end, ended) = oneshot::channel::<()>();
         let (ready, serves) = mpsc::sync_channel(1);

@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 use super::scaling::Scaling;
 use super::{FILE, MOST_HULL_VERTICES, MOST_PARTS};
 use crate::error::{PackError, Place};
-use crate::{FurnitureEntry, HomeFile, KindFile, PartEntry, PieceEntry, SlideEntry};
+use crate::{
+    FurnitureEntry, HingeEntry, HomeFile, JointEntry, KindFile, PartEntry, PieceEntry, SlideEntry,
+};
 
 /// A piece as furniture.
 pub(super) fn piece(
@@ -74,30 +76,7 @@ pub(super) fn piece(
             "give `hull` with the points of its convex hull",
         ));
     }
-    let slide = match &kind.joint {
-        Some(joint) => {
-            let joint_place = kind_place.key("joint");
-            let joint = scaling.joint(&joint_place, joint)?;
-            let Some(on) = &piece.on else {
-                return Err(place.key("on").wrong(
-                    "absent",
-                    "the name of the piece against which its joint moves",
-                    "name an earlier piece",
-                ));
-            };
-            joint.travel.map(|travel| SlideEntry {
-                on: on.clone(),
-                axis: joint.axis,
-                travel,
-                mass: joint.mass,
-                com: joint.com,
-                inertia: joint.inertia,
-                friction: joint.friction,
-                damping: joint.damping,
-            })
-        }
-        None => None,
-    };
+    let (slide, hinge) = joint(&place, &kind_place, &scaling, kind, piece)?;
     let material = kind.material.clone();
     Ok(FurnitureEntry {
         name: piece.name.clone(),
@@ -117,6 +96,7 @@ pub(super) fn piece(
             .map(|(i, surface)| scaling.surface(&kind_place.entry("surfaces", i), surface))
             .collect::<Result<_, _>>()?,
         slide,
+        hinge,
         grasps: kind
             .grasps
             .iter()
@@ -124,6 +104,57 @@ pub(super) fn piece(
             .collect(),
         optional: piece.optional,
     })
+}
+
+/// The joint of a piece: it slides or turns on the piece that `on` names.
+fn joint(
+    place: &Place,
+    kind_place: &Place,
+    scaling: &Scaling,
+    kind: &KindFile,
+    piece: &PieceEntry,
+) -> Result<(Option<SlideEntry>, Option<HingeEntry>), PackError> {
+    let Some(joint) = &kind.joint else {
+        return Ok((None, None));
+    };
+    let joint = scaling.joint(&kind_place.key("joint"), joint)?;
+    let Some(on) = piece.on.clone() else {
+        return Err(place.key("on").wrong(
+            "absent",
+            "the name of the piece on which its joint moves",
+            "name an earlier piece",
+        ));
+    };
+    let JointEntry {
+        axis,
+        mass,
+        com,
+        inertia,
+        friction,
+        damping,
+        ..
+    } = joint;
+    let slide = joint.travel.map(|travel| SlideEntry {
+        on: on.clone(),
+        axis,
+        travel,
+        mass,
+        com,
+        inertia,
+        friction,
+        damping,
+    });
+    let hinge = joint.travel_deg.map(|travel_deg| HingeEntry {
+        on,
+        axis,
+        travel_deg,
+        mass,
+        com,
+        inertia,
+        friction,
+        damping,
+    });
+    Ok((slide, hinge))
 }
 
 /// Checks the number of points of a hull.

@@ -98,10 +98,13 @@ pub struct FurnitureEntry {
     /// Level places for objects.
     #[serde(default, skip_serializing_if = "is_default")]
     pub surfaces: Vec<SurfaceEntry>,
-    /// Sliding furniture.
+    /// Furniture that slides.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub slide: Option<SlideEntry>,
-    /// Grasps, in its own frame; for sliding furniture.
+    /// Furniture that turns; instead of `slide`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hinge: Option<HingeEntry>,
+    /// Grasps, in its own frame; for furniture on a joint.
     #[serde(default, skip_serializing_if = "is_default")]
     pub grasps: Vec<GraspEntry>,
     /// Only present in variants of an area that name it.
@@ -128,6 +131,29 @@ pub struct SlideEntry {
     /// Dry friction, N.
     pub friction: f64,
     /// N·s/m.
+    pub damping: f64,
+}
+
+/// Turning of furniture about an axis through the origin of its frame; its pose is that at
+/// joint position 0.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct HingeEntry {
+    /// Earlier furniture on which it turns and with which it does not collide.
+    pub on: String,
+    /// Axis in its own frame; positive angles are right-handed.
+    pub axis: [f64; 3],
+    /// Largest angle, degrees.
+    pub travel_deg: f64,
+    /// kg.
+    pub mass: f64,
+    /// Centre of mass in its own frame, metres.
+    pub com: [f64; 3],
+    /// Ixx, Iyy, Izz about the centre of mass along its axes, kg·m².
+    pub inertia: [f64; 3],
+    /// Dry friction, N·m.
+    pub friction: f64,
+    /// N·m·s.
     pub damping: f64,
 }
 

@@ -210,6 +210,7 @@ impl Reader<'_> {
                 .map(|texture| Texture {
                     pattern: texture.pattern.clone(),
                     metres: texture.metres,
+                    file: None,
                 }),
         })
     }

@@ -49,7 +49,11 @@ fn widest_radius(shape: &Shape) -> Option<f64> {
             ..
         } => Some(bottom_radius.max(*top_radius)),
         Shape::Lathe { profile } => Some(profile.iter().map(|p| p[0]).fold(0.0, f64::max)),
-        Shape::Cuboid { .. } | Shape::RoundedCuboid { .. } | Shape::Mesh { .. } => None,
+        Shape::Cuboid { .. }
+        | Shape::RoundedCuboid { .. }
+        | Shape::Prism { .. }
+        | Shape::PackedMesh { .. }
+        | Shape::Mesh { .. } => None,
     }
 }
 
@@ -135,7 +139,7 @@ fn turn_grain(mesh: &mut TriMesh, shape: &Shape) {
                 }
             }
         }
-        Shape::Mesh { .. } => {}
+        Shape::Prism { .. } | Shape::PackedMesh { .. } | Shape::Mesh { .. } => {}
         _ => {
             for (uv, n) in mesh.uvs.iter_mut().zip(&mesh.normals) {
                 if n[2].abs() < 0.8 {

@@ -71,6 +71,7 @@ impl SceneMeshes<'_> {
                 let known = self.files.entry(path.clone()).or_insert_with(read);
                 (Detail::Full, *known)
             }
+            Shape::PackedMesh { .. } => (Detail::Full, None),
             _ => (detail, None),
         };
         let key = format!("{shape:?} {:?} {detail:?} {file:?}", material.texture);

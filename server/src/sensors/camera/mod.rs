@@ -20,6 +20,7 @@ mod error;
 mod frame_data;
 mod geometry;
 mod graphics;
+mod image_pass;
 mod mapping;
 mod mesh_cache;
 mod packing;

@@ -344,6 +344,26 @@ impl Memory {
     }
 }
 
+/// An image that is read or being read.
+pub(super) enum Reading<'scope> {
+    Done(ReadResult),
+    UnderWay(std::thread::ScopedJoinHandle<'scope, ReadResult>),
+}
+
+pub(super) type ReadResult = Result<Image, String>;
+
+impl Reading<'_> {
+    /// The image, or why it could not be read.
+    pub fn wait(self) -> ReadResult {
+        match self {
+            Self::Done(read) => read,
+            Self::UnderWay(job) => job
+                .join()
+                .unwrap_or_else(|_| Err("cannot read an image".into())),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

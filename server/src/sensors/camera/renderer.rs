@@ -12,21 +12,21 @@ use wheelarm_proto::settings::Depth;
 
 use super::adapter::{self, AdapterInfo};
 use super::ambient_map::PlacedCharts;
-use super::batch::Shine;
-use super::contact::{self, Nearby};
+use super::contact::Nearby;
 use super::frame_data::FrameData;
-use super::geometry::{BodyRows, Geometry, Order, VisibleRange};
+use super::geometry::{BodyRows, Geometry, Order};
 use super::graphics::{Graphics, OpenDevice};
+use super::image_pass::{ImagePass, Shown, background};
 use super::person::PersonMesh;
-use super::pipelines::{Ambient, Pipelines};
+use super::pipelines::Pipelines;
 use super::prepare::{PreparedScene, check_cameras, prepare};
-use super::readback::{Buffers as ReadBuffers, Image, ReadBack};
+use super::readback::{Buffers as ReadBuffers, ReadBack, Reading};
 use super::scene::{Binding, RenderScene, Surrounding};
 use super::shadow::{ShadowMap, SunView};
 use super::soft::SoftMeshes;
 use super::spec::CameraSpec;
 use super::surroundings::Surroundings;
-use super::target::{Target, depth_attachment};
+use super::target::Target;
 use super::tier::Tier;
 use super::timing::Timing;
 use super::uniform::CameraUniform;
@@ -76,9 +76,6 @@ pub struct Renderer {
 /// Batches that can be submitted before the first one is read: the GPU continues with
 /// the second while the first is unpacked and sent.
 pub const IN_FLIGHT: usize = 2;
-
-/// Reversed depth where nothing is hit.
-const FARTHEST: wgpu::LoadOp<f32> = wgpu::LoadOp::Clear(0.0);
 
 /// A submitted image that is not read yet.
 struct Pending {
@@ -363,7 +360,7 @@ impl Renderer {
         // All images are rendered before the first is copied: a copy waits for its
         // source, and a CPU adapter renders nothing meanwhile.
         for (&c, shown) in cameras.iter().zip(&shown) {
-            self.draw_camera(&mut encoder, c, shown);
+            self.image_pass(c).record(&mut encoder, shown);
         }
         let mut buffers = Vec::with_capacity(cameras.len());
         for &c in cameras {
@@ -498,16 +495,26 @@ impl Renderer {
         Ok(())
     }
 
-    /// Limits a pass to one pixel while an image is discarded.
-    fn limit(&self, pass: &mut wgpu::RenderPass<'_>) {
-        if self.is_warming_up {
-            pass.set_scissor_rect(0, 0, 1, 1);
-        }
-    }
-
     /// Whether a GPU renders the images of a camera.
     fn is_on_gpu(&self, camera: usize) -> bool {
         self.read_back[camera].order() == Order::Finish
+    }
+
+    fn image_pass(&self, camera: usize) -> ImagePass<'_> {
+        let target = &self.targets[camera];
+        ImagePass {
+            target,
+            pipelines: &self.pipelines,
+            geometry: &self.geometry,
+            frame: &self.frame,
+            scene_group: &self.scene_groups[camera],
+            shadow_group: &self.shadow_group,
+            contact_groups: self.contact_groups.as_ref(),
+            sky: background(&self.lighting),
+            packs_background: self.read_back[camera].has_background(target),
+            is_on_gpu: self.is_on_gpu(camera),
+            is_warming_up: self.is_warming_up,
+        }
     }
 
     /// Finds what each camera shows, and adds its draws and contacts to the frame.
@@ -546,150 +553,6 @@ impl Renderer {
         }
         shown
     }
-
-    fn draw_camera(&self, encoder: &mut wgpu::CommandEncoder, camera: usize, shown: &Shown) {
-        let visible = &shown.visible;
-        let on_gpu = self.is_on_gpu(camera);
-        let target = &self.targets[camera];
-        let (view, resolve, depth) = match &target.samples {
-            None => (&target.color.view, None, &target.depth.view),
-            Some([color, depth]) => (color, Some(&target.color.view), depth),
-        };
-        // A clear takes a GPU an eighth of the time of an image. Glass is blended with
-        // the background.
-        let glass = visible.iter().any(|s| s.finish.shine == Shine::Glass);
-        let clears = glass || !self.read_back[camera].has_background(target);
-        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some(&target.spec.name),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view,
-                depth_slice: None,
-                resolve_target: resolve,
-                ops: wgpu::Operations {
-                    load: match clears {
-                        true => wgpu::LoadOp::Clear(background(&self.lighting)),
-                        false => wgpu::LoadOp::Load,
-                    },
-                    store: if resolve.is_some() {
-                        wgpu::StoreOp::Discard
-                    } else {
-                        wgpu::StoreOp::Store
-                    },
-                },
-            })],
-            depth_stencil_attachment: Some(depth_attachment(depth, FARTHEST, resolve.is_none())),
-            ..Default::default()
-        });
-        self.limit(&mut pass);
-        pass.set_bind_group(0, &self.scene_groups[camera], &[]);
-        pass.set_bind_group(1, &self.shadow_group, &[]);
-        self.geometry.set(&mut pass);
-        if let Some([one, all]) = &self.contact_groups {
-            match on_gpu {
-                true => pass.set_bind_group(2, all, &[]),
-                false => pass.set_bind_group(2, one, &[0]),
-            }
-        }
-        // A GPU has one pipeline per finish, a CPU adapter one per source of ambient light.
-        let variant = |s: &VisibleRange| match on_gpu {
-            true => 0,
-            false => s.ambient.variant(&shown.variants),
-        };
-        let list = |s: &VisibleRange| match s.ambient {
-            Ambient::Contacts { list, .. } if !on_gpu => Some(list),
-            _ => None,
-        };
-        let same = |a: &VisibleRange, b: &VisibleRange| {
-            let key = |s: &VisibleRange| (variant(s), list(s));
-            a.finish == b.finish && a.finish.shine != Shine::Glass && key(a) == key(b)
-        };
-        let mut next_draw = shown.first_draw;
-        let mut current = None;
-        let mut bound = None;
-        for run in visible.chunk_by(same) {
-            let draws = next_draw..next_draw + run.len();
-            next_draw = draws.end;
-            let s = &run[0];
-            let pipelines = match on_gpu {
-                true => self.pipelines.drawn(s.finish),
-                false => self.pipelines.surface(s.finish, variant(s)),
-            };
-            if current != Some((s.finish, variant(s))) {
-                current = Some((s.finish, variant(s)));
-                pass.set_pipeline(pipelines.0);
-            }
-            if let (Some(list), Some([contacts, _])) = (list(s), &self.contact_groups)
-                && bound != Some(list)
-            {
-                bound = Some(list);
-                let offset = (shown.first_list + list) as u64 * contact::STRIDE;
-                pass.set_bind_group(2, contacts, &[offset as u32]);
-            }
-            self.frame.record(&mut pass, draws.clone(), on_gpu);
-            if let Some(second) = pipelines.1 {
-                pass.set_pipeline(second);
-                self.frame.record(&mut pass, draws, on_gpu);
-                current = None;
-            }
-        }
-        drop(pass);
-        if let (Some(ids), Some(pipeline)) = (&target.ids, &self.pipelines.outline) {
-            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-                label: Some("ids"),
-                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                    view: &ids.view,
-                    depth_slice: None,
-                    resolve_target: None,
-                    ops: wgpu::Operations {
-                        load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                        store: wgpu::StoreOp::Store,
-                    },
-                })],
-                depth_stencil_attachment: Some(depth_attachment(
-                    &target.depth.view,
-                    FARTHEST,
-                    true,
-                )),
-                ..Default::default()
-            });
-            self.limit(&mut pass);
-            pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, &self.scene_groups[camera], &[]);
-            self.geometry.set(&mut pass);
-            let draws = shown.first_draw..shown.first_draw + visible.len();
-            self.frame.record(&mut pass, draws, on_gpu);
-        }
-    }
-}
-
-/// The geometry in view of a camera.
-struct Shown {
-    visible: Vec<VisibleRange>,
-    /// Index of its first draw in the frame.
-    first_draw: usize,
-    /// Index of its first list of capsules in the frame.
-    first_list: usize,
-    /// Shader variant of each list.
-    variants: Vec<usize>,
-}
-
-/// An image that is read or being read.
-enum Reading<'scope> {
-    Done(ReadResult),
-    UnderWay(std::thread::ScopedJoinHandle<'scope, ReadResult>),
-}
-
-type ReadResult = Result<Image, String>;
-
-impl Reading<'_> {
-    fn wait(self) -> ReadResult {
-        match self {
-            Self::Done(read) => read,
-            Self::UnderWay(job) => job
-                .join()
-                .unwrap_or_else(|_| Err("cannot read an image".into())),
-        }
-    }
 }
 
 fn world_from(binding: Binding, snapshot: &Snapshot) -> Isometry3<f64> {
@@ -699,13 +562,6 @@ fn world_from(binding: Binding, snapshot: &Snapshot) -> Isometry3<f64> {
         Binding::Object(i) => snapshot.objects[i].pose,
         Binding::Sliding(i) => snapshot.sliding[i].pose,
     }
-}
-
-/// Colour of the sky where nothing is hit, as the shader computes it; ID 0.
-fn background(light: &Lighting) -> wgpu::Color {
-    let show = |c: f32| f64::from((c * (6.2 * c + 0.5)) / (c * (6.2 * c + 1.7) + 0.06));
-    let [r, g, b] = light.sky.map(|c| show(c * 1.5));
-    wgpu::Color { r, g, b, a: 0.0 }
 }
 
 fn bind(

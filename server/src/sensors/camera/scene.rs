@@ -1,6 +1,6 @@
 //! The render scene on the CPU: triangles, materials and bindings.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use crate::appearance::{Irradiance, Kind, Lamp, Reflection, SampledAppearance};
 use crate::geometry::mesh::{Detail, build_detail};
 use crate::geometry::plush::Skin;
 use crate::geometry::texture::{self, Source};
-use crate::geometry::{Family, Material, Shape, TriMesh, Visual};
+use crate::geometry::{Family, Material, Shape, Texture, TriMesh, Visual};
 use crate::people::{BodyPart, Person};
 use crate::robot::{RobotModel, SeatSettings};
 use crate::scene::{Body, Lighting, Scene, Soft};
@@ -238,11 +238,13 @@ impl RenderScene {
             .items
             .iter()
             .filter_map(|i| i.material.texture.as_ref());
-        let names: BTreeSet<&str> = textures.map(|texture| texture.pattern.as_str()).collect();
-        let names = names.into_iter().map(str::to_owned).collect();
-        let sources = parallel::map(names, |name: String| {
-            let source = texture::read(assets, &name);
-            (name, source)
+        let used: BTreeMap<&str, &Texture> = textures
+            .map(|texture| (texture.pattern.as_str(), texture))
+            .collect();
+        let used = used.into_values().cloned().collect();
+        let sources = parallel::map(used, |used: Texture| {
+            let source = texture::read_of(assets, &used);
+            (used.pattern, source)
         });
         for (name, source) in sources {
             self.textures.insert(name, source?);

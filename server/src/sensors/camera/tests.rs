@@ -261,6 +261,7 @@ pub(super) fn floor_and_box() -> RenderScene {
     items[1].material.texture = Some(Texture {
         pattern: "planks".into(),
         metres: 1.0,
+        file: None,
     });
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
     let planks = texture::read(&assets, "planks").unwrap();

@@ -12,7 +12,7 @@ use wheelarm_sensor_models::model::MAX_STRENGTH;
 use crate::appearance::Appearance;
 use crate::people::PersonSetting;
 use crate::scene::{Placement, Resistance};
-use crate::service::{disturbance, language, person};
+use crate::service::{disturbance, language, packs, person};
 use crate::sim::{
     ALL_CAMERAS, CameraPlace, CameraSetting, Lens, MAX_SIZE, Quality, Scenario, SensorSetting,
     Starts,
@@ -101,6 +101,7 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
         person: s.person.as_ref().map(person::to_proto),
         style: Some(s.style.name().to_owned()),
         time_limit_seconds: s.time_limit,
+        packs: packs::refs(&s.pack),
     }
 }
 
@@ -297,6 +298,7 @@ pub fn scenario_over(now: &Scenario, request: &v1::Scenario) -> Result<Scenario,
         rejected_starts,
         start_in_view,
         look_around,
+        packs: requested_packs,
     } = request;
     bounded(request)?;
     let mut s = now.clone();
@@ -320,6 +322,13 @@ pub fn scenario_over(now: &Scenario, request: &v1::Scenario) -> Result<Scenario,
     }
     let given = |new: &str| (!new.is_empty()).then(|| new.to_owned());
     keep(&mut s.scene, given(scene));
+    if !scene.is_empty() || !requested_packs.is_empty() {
+        s.pack = packs::from_proto(&s.scene, requested_packs)?;
+    }
+    if s.scene != now.scene && task.is_none() {
+        // The task in force belongs to the former scene.
+        s.task.clear();
+    }
     keep(&mut s.robot, given(robot));
     keep(&mut s.task, task.clone());
     keep(&mut s.seed, *seed);

@@ -82,7 +82,7 @@ pub fn body_name(body: BodyRef, model: &RobotModel, scene: &Scene) -> String {
     name.cloned().unwrap_or_default()
 }
 
-/// Furniture that slides, as a message.
+/// Furniture on a joint, as a message.
 pub fn furniture_joint(joint: &FurnitureJoint, scene: &Scene) -> v1::FurnitureJoint {
     let body = scene.furniture.get(joint.furniture);
     v1::FurnitureJoint {
@@ -91,7 +91,7 @@ pub fn furniture_joint(joint: &FurnitureJoint, scene: &Scene) -> v1::FurnitureJo
         rest: body.map(|b| pose(&b.pose)),
         axis: Some(vector(&joint.axis)),
         travel: joint.travel,
-        r#type: v1::JointType::Prismatic.into(),
+        r#type: joint.motion.joint_type().into(),
     }
 }
 
@@ -102,8 +102,8 @@ pub fn goal_kind(goal: &tasks::Goal) -> v1::GoalKind {
         tasks::Goal::Put { .. } => v1::GoalKind::Put,
         tasks::Goal::Give => v1::GoalKind::Give,
         tasks::Goal::Bring => v1::GoalKind::Bring,
-        tasks::Goal::Open { .. } => v1::GoalKind::Open,
-        tasks::Goal::Close { .. } => v1::GoalKind::Close,
+        tasks::Goal::Open(_) => v1::GoalKind::Open,
+        tasks::Goal::Close(_) => v1::GoalKind::Close,
     }
 }
 
@@ -140,12 +140,14 @@ pub fn goal(
                     ))),
                 });
         }
-        tasks::Goal::Open { travel: position } | tasks::Goal::Close { position } => {
+        tasks::Goal::Open(bounds) | tasks::Goal::Close(bounds) => {
             let joint = scene
                 .furniture_named(target)
                 .and_then(|i| scene.joint_of(i));
-            message.joint = joint.map_or(String::new(), |joint| joint.name.clone());
-            message.position = *position;
+            if let Some(joint) = joint {
+                message.joint = joint.name.clone();
+                message.position = bounds.of(joint.motion);
+            }
         }
     }
     message

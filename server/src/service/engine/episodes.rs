@@ -238,6 +238,9 @@ impl Engine {
                 .iter()
                 .map(|j| j.name.clone())
                 .collect(),
+            joint_types: (self.sim.scene().joints.iter())
+                .map(|joint| joint.motion.joint_type().into())
+                .collect(),
             robot: Some(describe::robot(self.sim.model(), &self.arm_mount())),
             physics_version: match shown {
                 true => 0,

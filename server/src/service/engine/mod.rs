@@ -17,6 +17,7 @@ use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 use nalgebra::Isometry3;
+use wheelarm_pack::Store as PackStore;
 use wheelarm_proto::keys::Keys;
 use wheelarm_proto::settings::Depth;
 use wheelarm_proto::v1;
@@ -27,6 +28,7 @@ use super::command_gate::{Listening, SetPoints};
 use super::episode::{Episode, PendingStopReply, Stage};
 use super::error::ServiceError;
 use super::pace::Pace;
+use super::packs::Upload;
 use super::pending_operation::PendingOperation;
 use super::render::RenderThread;
 use super::shared::Shared;
@@ -59,6 +61,8 @@ pub struct Options {
     pub depth: Depth,
     /// Access mode, reported to clients.
     pub access: v1::Access,
+    /// Folders of world packs.
+    pub packs: PackStore,
 }
 
 /// The simulation thread.
@@ -88,6 +92,8 @@ pub struct Engine {
     pub(in crate::service) asset_texts: Vec<v1::AssetText>,
     /// Replies that stay the same, encoded once.
     pub(in crate::service) made: Made,
+    /// A world pack that a client sends.
+    pub(in crate::service) upload: Upload,
     /// The recorded state that is played back.
     pub(super) shown: Option<v1::PlaybackRequest>,
     /// Sensor models of the robot's signals.
@@ -136,6 +142,7 @@ impl Engine {
             anomalies: Vec::new(),
             reported_collisions: Vec::new(),
             made: Made::default(),
+            upload: Upload::default(),
             shown: None,
         };
         engine.start_cameras()?;

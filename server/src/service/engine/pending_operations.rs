@@ -11,7 +11,7 @@ use super::Engine;
 use crate::service::denied::Denied;
 use crate::service::pending_operation::{Loaded, PendingOperation};
 use crate::service::render::RenderThread;
-use crate::service::{assets, convert};
+use crate::service::{assets, convert, packs};
 use crate::sim::{Scenario, Simulation};
 
 /// Longest CPU time for deformables to settle in a new scenario. CPU time, so that a
@@ -33,7 +33,7 @@ impl Engine {
     /// When an episode runs, or no thread can be started.
     pub(super) fn load(
         &self,
-        scenario: Scenario,
+        mut scenario: Scenario,
         snapshot: bytes::Bytes,
         playback: bool,
     ) -> Result<Receiver<Result<Loaded, Denied>>, Denied> {
@@ -46,6 +46,7 @@ impl Engine {
             self.sim.assets().to_owned(),
             Arc::clone(&self.shared.wakeup),
         );
+        let known = self.options.packs.clone();
         let thread = std::thread::Builder::new().name("loading".to_owned());
         let thread = thread.spawn(move || {
             // Count from the first call, before the first settling tick: assets and the
@@ -55,7 +56,9 @@ impl Engine {
                 let since = *since.get_or_init(on_processor);
                 on_processor().saturating_sub(since) > SETTLING
             };
-            let load = || {
+            let mut load = || {
+                packs::attach(&folder, &known, &mut scenario).map_err(Denied::scenario)?;
+                let scenario = std::mem::take(&mut scenario);
                 let made = match playback {
                     true => Simulation::for_playback(&folder, scenario, &late),
                     false => Simulation::new_within(&folder, scenario, &late),

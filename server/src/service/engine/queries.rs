@@ -11,14 +11,13 @@ use wheelarm_proto::v1::FailureCode;
 use wheelarm_proto::{Message, v1};
 
 use super::Engine;
-use crate::geometry::bounds;
 use crate::scene::Body;
 use crate::service::denied::Denied;
 use crate::service::pending_operation::{PendingOperation, Permission};
 use crate::service::render::RenderThread;
 use crate::service::request_queue::Request;
 use crate::service::sensor_images::SensorKind;
-use crate::service::{assets, convert, describe, leases, person, wall_clock};
+use crate::service::{assets, convert, describe, leases, packs, person, wall_clock};
 use crate::sim::{Pacing, Scenario};
 
 /// Largest change per joint for a local inverse-kinematics solution, rad.
@@ -39,6 +38,8 @@ impl Engine {
             Query::Scene => self.answer_scene(query),
             Query::Tasks => self.answer_tasks(query),
             Query::Pick => self.answer_pick(query, &payload),
+            Query::Packs => self.answer_packs(query),
+            Query::PackPut => self.answer_pack_put(query, &payload),
             Query::Reset => {
                 let wanted = self.wanted(&payload);
                 let begun = wanted.and_then(|(scenario, request)| {
@@ -209,6 +210,8 @@ impl Engine {
             | Query::Tasks
             | Query::Lease
             | Query::Pick
+            | Query::Packs
+            | Query::PackPut
             | Query::Reset
             | Query::Playback
             | Query::EpisodeStart
@@ -359,19 +362,64 @@ impl Engine {
         });
     }
 
+    /// Lists the world packs on another thread.
+    fn answer_packs(&self, query: zenoh::query::Query) {
+        let known = self.options.packs.clone();
+        let stamp = self.stamp();
+        let header = stamp.clone();
+        let make = move || Ok(packs::list(&known, header));
+        self.shared.replies.answer_later(query, stamp, make);
+    }
+
+    /// Adds a piece of a world pack; stores the pack with its last piece, on another thread.
+    fn answer_pack_put(&mut self, query: zenoh::query::Query, payload: &[u8]) {
+        let stamp = self.stamp();
+        let added = decode::<v1::PackPutRequest>(payload).and_then(|request| {
+            let (digest, length) = (request.zip_digest.clone(), request.zip_length);
+            Ok((self.upload.add(request)?, digest, length))
+        });
+        let (zip, digest, length) = match added {
+            Ok(added) => added,
+            Err(why) => return self.refuse(query, why),
+        };
+        let Some(zip) = zip else {
+            let reply = v1::PackPutReply {
+                header: Some(stamp),
+                received: self.upload.received(),
+                pack: None,
+            };
+            return self.reply(query, Ok(reply.encode_to_vec()));
+        };
+        let (known, folder) = (self.options.packs.clone(), self.sim.assets().to_owned());
+        let header = Some(stamp.clone());
+        self.shared.replies.answer_later(query, stamp, move || {
+            let pack = packs::store(&folder, &known, &zip, &digest)?;
+            let reply = v1::PackPutReply {
+                header,
+                received: length,
+                pack: Some(pack),
+            };
+            Ok(reply.encode_to_vec().into())
+        });
+    }
+
     /// Reads the tasks on first request, on another thread.
     fn answer_tasks(&self, query: zenoh::query::Query) {
         let (shared, folder) = (Arc::clone(&self.shared), self.sim.assets().to_owned());
         let hand = self.sim.model().settings.gripper.corridor;
+        let packed = self.sim.scene().clone();
         let stamp = self.stamp();
         let header = Some(stamp.clone());
         self.shared.replies.answer_later(query, stamp, move || {
             let mut known = shared.tasks.lock();
+            let pack = packed.pack.as_ref().map(|pack| pack.id().clone());
             let tasks = match &*known {
-                Some(tasks) => tasks.clone(),
-                None => known
-                    .insert(assets::tasks(&folder, &hand).map_err(Denied::internal)?)
-                    .clone(),
+                Some((of, tasks)) if *of == pack => tasks.clone(),
+                _ => {
+                    let tasks = assets::tasks(&folder, Some(&packed), &hand);
+                    let tasks = tasks.map_err(Denied::internal)?;
+                    known.insert((pack, tasks)).1.clone()
+                }
             };
             drop(known);
             Ok(v1::TaskList { header, tasks }.encode_to_vec().into())
@@ -517,6 +565,7 @@ impl Engine {
             snapshot: episode.snapshot.clone(),
             assets: self.asset_texts.clone(),
             instances: self.instances(),
+            packs: packs::files(&self.sim.scenario().pack).map_err(Denied::internal)?,
         };
         let bytes = Bytes::from(reply.encode_to_vec());
         self.made.snapshot = Some((episode.number, bytes.clone()));
@@ -540,15 +589,10 @@ fn body(body: &Body, fixed: bool) -> v1::SceneBody {
         nalgebra::Isometry3::identity()
     };
     let boxes = body
-        .collision
-        .iter()
-        .filter_map(|part| {
-            let (centre, half) = bounds(&part.shape)?;
-            let pose = world_from_body * part.pose * nalgebra::Translation3::from(centre);
-            Some(v1::BoxGeometry {
-                pose: Some(convert::pose(&pose)),
-                half: Some(convert::vector(&half)),
-            })
+        .collision_boxes()
+        .map(|(body_from_box, half)| v1::BoxGeometry {
+            pose: Some(convert::pose(&(world_from_body * body_from_box))),
+            half: Some(convert::vector(&half)),
         })
         .collect();
     v1::SceneBody {

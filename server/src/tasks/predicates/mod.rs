@@ -19,6 +19,7 @@ use self::others::{CorrectInstance, NothingKnockedOver};
 use self::put::{AtRest, InLap, Inside, Released, Upright};
 use self::robot::{ChairStopped, ClearOfPerson, NoHardCollision};
 use super::condition::{Name, Predicate};
+use super::goal::JointBounds;
 
 /// A predicate of a task file: its name and its thresholds.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -66,6 +67,14 @@ impl AnyPredicate {
         }
     }
 
+    /// Where the joint of furniture must be; `None` of a predicate about something else.
+    pub(super) fn joint_bounds(&self) -> Option<JointBounds> {
+        match self {
+            Self::OpenedBy(opening) | Self::ClosedTo(opening) => Some(opening.bounds()),
+            _ => None,
+        }
+    }
+
     /// Name with subjects, as it is reported: `inside(knife, placemat)`.
     pub(super) fn label(&self) -> String {
         let predicate = self.as_dyn();
@@ -91,8 +100,8 @@ mod tests {
         r#"upright = { object = "a", tilt_deg = 30 }"#,
         r#"at_rest = { object = "a", speed = 0.1, turn_rate_deg_s = 3.0, secs = 0.5 }"#,
         r#"released = { object = "a", secs = 0.5 }"#,
-        r#"opened_by = { joint = "a", travel = 0.2 }"#,
-        r#"closed_to = { joint = "a", position = 0.02 }"#,
+        r#"opened_by = { joint = "a", travel = 0.2, angle_deg = 45 }"#,
+        r#"closed_to = { joint = "a", position = 0.02, angle_deg = 3 }"#,
         "correct_instance = { height = 0.1 }",
         "chair_stopped = { speed = 0.1, turn_rate_deg_s = 1.0 }",
         "nothing_knocked_over = { tilt_deg = 30, drop = 0.1 }",

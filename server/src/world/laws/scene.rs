@@ -1,6 +1,7 @@
 //! Objects and furniture, without the robot.
 
 use rapier3d::prelude::{PhysicsWorld, RigidBodyHandle};
+use wheelarm_proto::furniture::JointMotion;
 
 use super::super::contact::contacts;
 use super::super::convert::{from_pose, from_vector, vector};
@@ -154,6 +155,7 @@ fn a_drawer_resists_with_dry_and_viscous_friction() {
             name: "drawer_joint".into(),
             furniture: 1,
             carrier: 0,
+            motion: JointMotion::Slides,
             axis: Vector3::x_axis(),
             travel: 3.0,
             mass: moving.mass.expect("it has mass"),
@@ -165,11 +167,11 @@ fn a_drawer_resists_with_dry_and_viscous_friction() {
             .expect("the bodies of the scene");
         let mut pull = |force: f64, seconds: f64| {
             let force = vector(&Vector3::new(force, 0.0, 0.0));
-            let body = &mut physics.bodies[scene_bodies.slides[0].handle];
+            let body = &mut physics.bodies[scene_bodies.moving[0].handle];
             body.reset_forces(true);
             body.add_force(force, true);
             run(&mut physics, seconds);
-            scene_bodies.slides[0].state(&physics)
+            scene_bodies.moving[0].state(&physics)
         };
         let held = pull(friction - 0.5, 1.0);
         assert!(held.position < 2e-3, "{held:?}");
@@ -179,6 +181,60 @@ fn a_drawer_resists_with_dry_and_viscous_friction() {
         assert!(
             (ratio - 1.0).abs() < 0.03,
             "{sliding:?}, not {expected} m/s"
+        );
+    }
+}
+
+/// A door under a constant torque: below its dry friction it stays closed, above it
+/// reaches the turn rate at which viscous friction balances the rest, and it stops at
+/// its limit.
+#[test]
+fn a_door_resists_with_dry_and_viscous_friction_and_stops_at_its_limit() {
+    let half = [0.2, 0.01, 0.3];
+    let door = body("door", pose_at(1.0, 0.0, 0.5), 0.5, Shape::Cuboid { half });
+    let mut mass = object("door", door.pose, 4.0, half, Shape::Cuboid { half })
+        .mass
+        .expect("it has mass");
+    // The hinge is at the frame's origin, the leaf beside it.
+    mass.com = nalgebra::Point3::new(0.2, 0.0, 0.0);
+    let about_hinge = mass.inertia[(2, 2)] + 4.0 * 0.04;
+    let (mut scene, placements) = scene(vec![floor(), door], Vec::new());
+    for (friction, damping, travel) in [(0.4, 0.5, 3.0), (1.0, 2.0, 0.5)] {
+        scene.joints = vec![FurnitureJoint {
+            name: "door_joint".into(),
+            furniture: 1,
+            carrier: 0,
+            motion: JointMotion::Turns,
+            axis: Vector3::z_axis(),
+            travel,
+            mass,
+            resistance: Resistance { friction, damping },
+            start: 0.0,
+        }];
+        let mut physics = engine();
+        let scene_bodies = SceneBodies::insert(&mut physics, &scene, &placements)
+            .expect("the bodies of the scene");
+        let mut turn = |torque: f64, seconds: f64| {
+            let torque = vector(&Vector3::new(0.0, 0.0, torque));
+            let body = &mut physics.bodies[scene_bodies.moving[0].handle];
+            body.reset_torques(true);
+            body.add_torque(torque, true);
+            run(&mut physics, seconds);
+            scene_bodies.moving[0].state(&physics)
+        };
+        let held = turn(friction - 0.1, 1.0);
+        assert!(held.position.abs() < 5e-3, "{held:?}");
+        let turning = turn(friction + 0.2, 0.5);
+        let expected = 0.2 / damping * (1.0 - (-0.5 * damping / about_hinge).exp());
+        let ratio = turning.velocity / expected;
+        assert!(
+            (ratio - 1.0).abs() < 0.05,
+            "{turning:?}, not {expected} rad/s"
+        );
+        let stopped = turn(friction + 3.0, 6.0);
+        assert!(
+            (stopped.position - travel).abs() < 0.02,
+            "{stopped:?}, not at {travel} rad"
         );
     }
 }

@@ -52,7 +52,7 @@ const INEXACT: [&str; 22] = [
 ];
 
 /// Folders whose code computes states, sampled values or commands.
-const EXACT: [&str; 15] = [
+const EXACT: [&str; 16] = [
     "server/src/world",
     "server/src/appearance",
     "server/src/robot",
@@ -64,6 +64,7 @@ const EXACT: [&str; 15] = [
     "server/src/service",
     "client/expert/src",
     "client/import/src",
+    "proto/pack/src",
     "proto/planning/src",
     "proto/language/src",
     "server/sensor-models/src",
@@ -194,7 +195,7 @@ const CLIENTS: [(&str, &[&str]); 14] = [
     (
         "client/rollout/worker",
         &[
-            "dataset", "expert", "proto", "recorder", "rollout", "sdk", "server",
+            "dataset", "expert", "pack", "proto", "recorder", "rollout", "sdk", "server",
         ],
     ),
     (
@@ -208,7 +209,7 @@ const CLIENTS: [(&str, &[&str]); 14] = [
     (
         "client/campaign",
         &[
-            "dataset", "expert", "options", "policy", "proto", "rollout", "sdk",
+            "dataset", "expert", "options", "pack", "policy", "proto", "rollout", "sdk",
         ],
     ),
     (
@@ -247,6 +248,7 @@ fn access_opens_no_connection() {
 fn pure_packages_are_below_server_and_clients() {
     for folder in [
         "proto/codec",
+        "proto/pack",
         "proto/planning",
         "proto/language",
         "server/sensor-models",

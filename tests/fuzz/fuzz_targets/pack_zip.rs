@@ -1,0 +1,7 @@
+//! Zip files of world packs.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use wheelarm_tests::decoders;
+
+fuzz_target!(|bytes: &[u8]| decoders::pack_zip(bytes));
