@@ -29,6 +29,8 @@ use kinds::{Built, Kinds, Passage};
 use sources::{license, manifest, origin};
 use start::{start_and_camera, wall_obstacles};
 
+/// Largest coordinate of a piece, metres: that of packs less a margin.
+const FARTHEST: f64 = 49.0;
 /// Height below which pieces obstruct a chair with an arm, metres.
 const BODY: f64 = 1.5;
 
@@ -333,6 +335,13 @@ impl Placer<'_, '_, '_> {
                 "" => "it is on no level".into(),
                 level => format!("it is on level {level:?}"),
             });
+        }
+        let [x, y] = self.plan.place(piece.at);
+        let far = [x, y, piece.elevation * METRES];
+        if far.iter().any(|c| c.abs() > FARTHEST) {
+            return Some(format!(
+                "it is farther than {FARTHEST} m from the middle of the walls; move or delete it"
+            ));
         }
         if !piece.visible {
             return Some("it is hidden in the file".into());
