@@ -308,7 +308,7 @@ pub const HOME: &str = manual!(
     "  wheelarm home import FLAT.sh3d --name anna-flat
   wheelarm home import HOUSE.sh3d --name house --level 2 --without chairs,rugs
   wheelarm home list
-  wheelarm-server --packs packs --scene anna-flat
+  wheelarm-server --scene anna-flat
 ",
     "  0  imported or listed; what was left out is printed
   1  the file is not a home, has no closed room, or the pack cannot be written
