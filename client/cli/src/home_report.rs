@@ -6,8 +6,11 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::Args;
 use wheelarm_import::home_report::{Finding, Home, Posture, RobotFacts, page, plan, text};
+use wheelarm_options::packs::PackArgs;
 use wheelarm_pack::{Pack, Store};
 use wheelarm_proto::installed::{self, ASSETS_VARIABLE};
+
+use crate::home::store;
 
 /// Arguments of `wheelarm home report`.
 #[derive(Args, Debug)]
@@ -27,30 +30,25 @@ pub struct ReportArgs {
     /// Writes report.json, report.html, report.txt and plan.png into this folder.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Folder of packs; may be given several times. By default those of WHEELARM_PACKS,
-    /// otherwise packs.
-    #[arg(long, value_name = "DIR")]
-    packs: Vec<PathBuf>,
+    /// Folders of packs.
+    #[command(flatten)]
+    packs: PackArgs,
     /// Assets folder; by default the installed one.
     #[arg(long, env = ASSETS_VARIABLE, value_name = "DIR")]
     assets: Option<PathBuf>,
 }
 
-/// Runs `wheelarm home report` with these default folders of packs and returns its output.
+/// Runs `wheelarm home report` and returns its output.
 ///
 /// # Errors
 /// When the pack or the robot cannot be read, or a file cannot be written. A home that the
 /// chair cannot enter is not an error.
-pub fn run(args: &ReportArgs, folders: &[PathBuf]) -> anyhow::Result<String> {
-    let folders = match args.packs.is_empty() {
-        true => folders,
-        false => &args.packs,
-    };
+pub fn run(args: &ReportArgs) -> anyhow::Result<String> {
     let assets = args.assets.clone().or_else(installed::assets);
     let assets = assets.with_context(|| {
         format!("no assets folder found; name it: export {ASSETS_VARIABLE}=…/assets")
     })?;
-    let home = Home::from_pack(&open(&args.home, folders)?)?;
+    let home = Home::from_pack(&open(&args.home, &store(&args.packs))?)?;
     let robot = RobotFacts::read(&assets, &args.robot, args.posture)?;
     let finding = Finding::new(&home, &robot);
     let words = text(&finding.report)?;
@@ -76,23 +74,27 @@ pub fn run(args: &ReportArgs, folders: &[PathBuf]) -> anyhow::Result<String> {
                 .with_context(|| format!("cannot write {}", path.display()))?;
         }
         if !args.json {
-            writeln!(output, "\nwritten: {}", folder.join("report.html").display())?;
+            writeln!(
+                output,
+                "\nwritten: {}",
+                folder.join("report.html").display()
+            )?;
         }
     }
     Ok(output)
 }
 
 /// The pack of this name in the folders, or at this path.
-fn open(home: &str, folders: &[PathBuf]) -> anyhow::Result<Pack> {
+fn open(home: &str, store: &Store) -> anyhow::Result<Pack> {
     let path = Path::new(home);
     if path.exists() {
         return Ok(Pack::open(path)?);
     }
-    let store = Store::new(folders.to_vec());
     let pack = store.open(home)?;
     pack.with_context(|| {
         let names: Vec<String> = store.names().into_iter().collect();
-        let folders: Vec<String> = folders.iter().map(|f| f.display().to_string()).collect();
+        let folders = store.folders().iter();
+        let folders: Vec<String> = folders.map(|f| f.display().to_string()).collect();
         format!(
             "no pack {home:?} in {}; available: {}; name a folder with --packs, or import a home with `wheelarm home import FILE.sh3d`",
             folders.join(", "),
@@ -108,7 +110,7 @@ mod tests {
     #[test]
     fn unknown_home_names_folders_and_the_next_step() {
         let folder = tempfile::tempdir().unwrap();
-        let error = open("nowhere", &[folder.path().to_owned()]).unwrap_err();
+        let error = open("nowhere", &Store::new(vec![folder.path().to_owned()])).unwrap_err();
         let words = error.to_string();
         assert!(words.contains("nowhere"), "{words}");
         assert!(words.contains("wheelarm home import"), "{words}");
@@ -124,18 +126,21 @@ mod tests {
             posture: Posture::Travel,
             json: false,
             out: Some(folder.path().join("out")),
-            packs: Vec::new(),
+            packs: PackArgs::default(),
             assets: Some(root.join("assets")),
         };
-        let text = run(&args, &[]).unwrap();
-        assert!(text.contains("rooms") && text.contains("surfaces"), "{text}");
+        let text = run(&args).unwrap();
+        assert!(
+            text.contains("rooms") && text.contains("surfaces"),
+            "{text}"
+        );
         assert!(text.contains("report.html"), "{text}");
         for name in ["report.json", "report.html", "report.txt", "plan.png"] {
             let bytes = std::fs::read(folder.path().join("out").join(name)).unwrap();
             assert!(bytes.len() > 100, "{name}");
         }
         args.json = true;
-        let json: serde_json::Value = serde_json::from_str(&run(&args, &[]).unwrap()).unwrap();
+        let json: serde_json::Value = serde_json::from_str(&run(&args).unwrap()).unwrap();
         assert_eq!(json["robot"]["posture"], "travel");
     }
 }
