@@ -76,7 +76,11 @@ pub fn run(args: &ReportArgs, folders: &[PathBuf]) -> anyhow::Result<String> {
                 .with_context(|| format!("cannot write {}", path.display()))?;
         }
         if !args.json {
-            writeln!(output, "\nwritten: {}", folder.join("report.html").display())?;
+            writeln!(
+                output,
+                "\nwritten: {}",
+                folder.join("report.html").display()
+            )?;
         }
     }
     Ok(output)
@@ -128,7 +132,10 @@ mod tests {
             assets: Some(root.join("assets")),
         };
         let text = run(&args, &[]).unwrap();
-        assert!(text.contains("rooms") && text.contains("surfaces"), "{text}");
+        assert!(
+            text.contains("rooms") && text.contains("surfaces"),
+            "{text}"
+        );
         assert!(text.contains("report.html"), "{text}");
         for name in ["report.json", "report.html", "report.txt", "plan.png"] {
             let bytes = std::fs::read(folder.path().join("out").join(name)).unwrap();
