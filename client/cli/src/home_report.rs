@@ -10,8 +10,6 @@ use wheelarm_options::packs::PackArgs;
 use wheelarm_pack::{Pack, Store};
 use wheelarm_proto::installed::{self, ASSETS_VARIABLE};
 
-use crate::home::store;
-
 /// Arguments of `wheelarm home report`.
 #[derive(Args, Debug)]
 pub struct ReportArgs {
@@ -36,6 +34,11 @@ pub struct ReportArgs {
     /// Assets folder; by default the installed one.
     #[arg(long, env = ASSETS_VARIABLE, value_name = "DIR")]
     assets: Option<PathBuf>,
+}
+
+/// The packs of the folders, as servers search them.
+pub(crate) fn store(packs: &PackArgs) -> Store {
+    Store::search(&packs.packs, &installed::assets().unwrap_or_default())
 }
 
 /// Runs `wheelarm home report` and returns its output.
