@@ -223,10 +223,7 @@ fn links_in_zip_files_and_folders_are_rejected() {
 #[test]
 fn zip_bombs_are_rejected_before_they_are_unpacked() {
     let zeros = vec![0; 20 << 20];
-    let bomb = zipped(&[
-        ("pack.toml", common::MANIFEST.as_bytes()),
-        ("plan.png", &zeros),
-    ]);
+    let bomb = zipped(&[("pack.toml", b"format = 1"), ("plan.png", &zeros)]);
     assert!(bomb.len() < 100_000);
     let error = Pack::from_zip(&bomb).unwrap_err().to_string();
     assert!(error.contains("compression"), "{error}");
