@@ -304,6 +304,7 @@ urdf = "wheelarm_wide.urdf"
     )
     # Measured with the other gripper.
     toml = only(r"^# Other positions of the arm in which.*?^\]\n", "", toml)
+    toml = only(r"^# The arm beside the seat.*?(?=^\[reach\])", "", toml)
     toml = only(
         r"^# With the hand, .*?footprint = .*?\n",
         "# With the hand, 0.22 m before and 0.09 m beside the rest. [derived: wheelarm and the\n"

@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use wheelarm_dataset::{columns, log};
 use wheelarm_pack::Pack;
+use wheelarm_planning::reach_map::ReachMap;
 use wheelarm_policy::{ChunkExecutor, ExecutorOptions, Player};
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{Message, Query, Rpc, StreamId, TopicId, check, v1};
@@ -214,6 +215,14 @@ pub fn home(bytes: &[u8]) {
     };
     let _ = wheelarm_import::import("home.sh3d", bytes.to_vec(), &options);
     let _ = wheelarm_import::sh3d::parse("home.sh3d", bytes);
+}
+
+/// The reach map of a robot.
+pub fn reach_map(bytes: &[u8]) {
+    if let Ok(map) = ReachMap::from_bytes(bytes) {
+        assert_eq!(map.to_bytes(), bytes);
+        let _ = map.len();
+    }
 }
 
 /// The zip file of a world pack, and the scene of its home.

@@ -1,4 +1,5 @@
-//! `wheelarm home`: imports homes of Sweet Home 3D as packs, lists the homes of packs.
+//! `wheelarm home`: imports homes of Sweet Home 3D as packs, lists the homes of packs, reports
+//! what a robot reaches in them.
 
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -9,6 +10,8 @@ use wheelarm_import::{Joints, Options, Summary, import_file, slug, write};
 use wheelarm_options::packs::PackArgs;
 use wheelarm_pack::{Pack, Store};
 use wheelarm_proto::installed;
+
+use crate::home_report::{self, ReportArgs};
 
 /// Names of pieces that are printed for one reason.
 const MOST_NAMES: usize = 12;
@@ -23,6 +26,11 @@ pub enum HomeCommand {
     Import(ImportArgs),
     /// Lists the homes of the packs.
     List(ListArgs),
+    /// Reports what a robot reaches in a home, why not the rest, and what to move.
+    ///
+    /// Rooms that the chair enters, clear widths of doors, surfaces within the arm's reach,
+    /// places to turn, beside DIN 18040-2. A home that the chair cannot enter has a report too.
+    Report(ReportArgs),
 }
 
 /// Arguments of `wheelarm home import`.
@@ -81,6 +89,7 @@ pub fn run(command: &HomeCommand) -> anyhow::Result<String> {
     match command {
         HomeCommand::Import(args) => import(args),
         HomeCommand::List(args) => list(&store(&args.packs)),
+        HomeCommand::Report(args) => home_report::run(args, store(&args.packs).folders()),
     }
 }
 

@@ -30,8 +30,6 @@ pub struct BasePlacement {
     cost: f64,
 }
 
-/// Room that the chair keeps at its stop, metres.
-pub const PLACEMENT_MARGIN: f64 = 0.045;
 /// Step of the sampled distances, metres.
 const STEP: f64 = 0.025;
 /// A hand from above is best this much nearer than a level one, metres.

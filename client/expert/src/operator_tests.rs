@@ -122,6 +122,7 @@ pub(crate) fn home_scene() -> SceneModel {
         ]
         .map(|(top, sides)| (top, Outline { sides }))
         .to_vec(),
+        travel: None,
         arm_range: [0.42, 0.88],
         hand: hand::tests::hand(),
         home: [0.0; 6],

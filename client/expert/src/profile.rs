@@ -7,6 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use super::drive::DriveLimits;
 use super::habits::Habits;
 use super::tool_path::Shape;
+use wheelarm_planning::floor_map::DRIVE_CLEARANCE;
 use wheelarm_planning::hybrid_a_star::PathPreferences;
 use wheelarm_proto::exact;
 use wheelarm_proto::settings::Style;
@@ -98,7 +99,7 @@ impl OperatorProfile {
             },
             path: PathPreferences {
                 radius: sample(0.70, 0.90),
-                margin: 0.05,
+                margin: DRIVE_CLEARANCE,
             },
             grasp: GraspPreferences {
                 standoff: sample(0.10, 0.13),

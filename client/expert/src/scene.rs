@@ -140,6 +140,16 @@ impl Capsule {
     }
 }
 
+/// The arm stowed beside the seat.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Travel {
+    /// Positions of the arm's joints, from base to hand, radians.
+    pub joints: [f64; 6],
+    /// The robot and the person in it by height, as [`SceneModel::outlines`], with the arm
+    /// in this posture.
+    pub outlines: Vec<(f64, Outline)>,
+}
+
 /// Geometry of one scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneModel {
@@ -160,6 +170,8 @@ pub struct SceneModel {
     /// The robot and the person in it by height, bottom up: height to which it holds,
     /// metres, and outline with the arm at home.
     pub outlines: Vec<(f64, Outline)>,
+    /// The arm stowed for long ways and narrow doors, if the robot has such a posture.
+    pub travel: Option<Travel>,
     /// Least and greatest distance on the floor plan from the arm's base to what
     /// is taken, metres.
     pub arm_range: [f64; 2],
@@ -283,15 +295,17 @@ impl SceneModel {
         let robot = robot.ok_or(Invalid::Missing("description of the robot"))?;
         let gripper = robot.gripper.as_ref();
         let reach = robot.reach.unwrap_or_default();
-        let outlines = robot.outlines.iter().map(|outline| {
-            let sides = footprint(outline.footprint.as_ref())?;
-            let top = check::within("top of an outline", outline.top, 0.0, 10.0)?;
-            Ok((top, Outline { sides }))
-        });
-        let outlines = outlines.collect::<Result<Vec<_>, Invalid>>()?;
+        let outlines = read_outlines(&robot.outlines)?;
         let person = reply.persons.first().map(read_seated).transpose()?;
         let capsules = person.iter().flat_map(|person| &person.capsules);
         let limbs: Vec<Limb> = capsules.map(Capsule::limb).collect();
+        let travel = robot.travel.as_ref().map(|travel| {
+            let outlines = read_outlines(&travel.outlines)?;
+            Ok::<_, Invalid>(Travel {
+                joints: check::list("travel posture of the arm", &travel.positions)?,
+                outlines: occupied(&outlines, &limbs),
+            })
+        });
         // An object that does not fit into the hand has no grasp.
         let hand = Hand::read(gripper.ok_or(Invalid::Missing("gripper"))?)?;
         grasps.retain(|grasp| grasp.width <= hand.stroke);
@@ -304,6 +318,7 @@ impl SceneModel {
             tool_length: check::within("tool length", robot.tool_length, 0.0, 0.5)?,
             footprint: footprint(robot.footprint.as_ref())?,
             outlines: occupied(&outlines, &limbs),
+            travel: travel.transpose()?,
             arm_range: check::list("range of the arm", &[reach.nearest, reach.furthest])?,
             hand,
             home: check::list("home of the arm", &robot.home_positions)?,
@@ -332,6 +347,15 @@ impl SceneModel {
     pub fn house_from_tool(&self, observation: &Observation) -> Isometry3<f64> {
         self.house_from_base(observation) * observation.base_from_tool
     }
+}
+
+fn read_outlines(outlines: &[v1::Outline]) -> Result<Vec<(f64, Outline)>, Invalid> {
+    let read = |outline: &v1::Outline| {
+        let sides = footprint(outline.footprint.as_ref())?;
+        let top = check::within("top of an outline", outline.top, 0.0, 10.0)?;
+        Ok((top, Outline { sides }))
+    };
+    outlines.iter().map(read).collect()
 }
 
 fn footprint(footprint: Option<&v1::Footprint>) -> Result<[f64; 4], Invalid> {

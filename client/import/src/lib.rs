@@ -1,4 +1,5 @@
-//! Imports homes of Sweet Home 3D (`.sh3d`) as world packs.
+//! Imports homes of Sweet Home 3D (`.sh3d`) as world packs, and reports what a robot reaches
+//! in a home ([`home_report`]).
 //!
 //! ```text
 //! archive ─► sh3d (Home.xml) ─► plan: level, walls, openings ─► rooms
@@ -18,6 +19,7 @@ mod build;
 mod error;
 mod fit;
 mod glb;
+pub mod home_report;
 mod joints;
 mod model;
 mod paint;

@@ -20,6 +20,12 @@ use super::grid::{CELL, CellPose, Grid, HEADINGS, Overlap, PoseSet};
 use super::lattice::LATTICE;
 use super::nearby::Nearby;
 
+/// Clearance that a chair keeps while it drives, where its start and goal allow it, metres.
+/// Sampling, the scripted operator and the report on a home use the same.
+pub const DRIVE_CLEARANCE: f64 = 0.05;
+/// Clearance that a chair keeps where it stops to use its arm, metres.
+pub const STOP_CLEARANCE: f64 = 0.045;
+
 /// A cell counts as open when its middle is free with this much less clearance, metres: a
 /// way through a narrow door need not lead through middles of cells.
 const LENIENT: f64 = 0.02;
@@ -118,6 +124,27 @@ impl FloorMap {
             self.footprint.levels[level].obstacles.push(obstacle);
             self.nearby.put(level, obstacle);
             self.mark(level, &obstacle);
+        }
+        self.coarse = OnceLock::new();
+        self.parts = OnceLock::new();
+    }
+
+    /// Closes the cells whose middle, x and y in metres, is not `inside`: a chair does not
+    /// drive there, although it would collide with nothing. [`FloorMap::is_free`] is not
+    /// changed.
+    pub fn confine(&mut self, inside: &dyn Fn([f64; 2]) -> bool) {
+        let [along, across] = self.grid.count();
+        for y in 0..across {
+            for x in 0..along {
+                let cell = CellPose { x, y, heading: 0 };
+                let middle = self.grid.middle(cell);
+                if !inside([middle.x, middle.y]) {
+                    for heading in 0..HEADINGS {
+                        self.blocked
+                            .insert(&self.grid, CellPose { heading, ..cell });
+                    }
+                }
+            }
         }
         self.coarse = OnceLock::new();
         self.parts = OnceLock::new();

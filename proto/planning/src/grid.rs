@@ -204,6 +204,12 @@ impl PoseSet {
         (heading * grid.count[1] + y) * self.words_per_row
     }
 
+    /// Adds a pose.
+    pub(super) fn insert(&mut self, grid: &Grid, at: CellPose) {
+        let word = self.row(grid, at.heading, at.y) + at.x / 64;
+        self.words[word] |= 1 << (at.x % 64);
+    }
+
     /// Whether it contains a pose.
     #[must_use]
     pub fn contains(&self, grid: &Grid, at: CellPose) -> bool {

@@ -1,5 +1,6 @@
 //! Collision-free poses of a chair on the floor, and paths between them: the footprint
-//! against oriented boxes, the floor map of a home with its distance fields, and hybrid A*.
+//! against oriented boxes, the floor map of a home with its distance fields, hybrid A*, and
+//! the reach map of an arm.
 //!
 //! Pure: no clock, no random numbers, no messages, independent of server and clients.
 //! Sampling in the server and the scripted operator use the same functions and get the
@@ -7,6 +8,7 @@
 
 pub mod distance_field;
 pub mod floor_map;
+pub mod floor_space;
 pub mod footprint_check;
 pub mod grid;
 pub mod hybrid_a_star;
@@ -14,4 +16,6 @@ mod lattice;
 mod nearby;
 pub mod obb;
 pub mod price;
+pub mod reach_map;
+pub mod reached;
 pub mod route_planner;

@@ -1,8 +1,10 @@
 //! The robot as a model: URDF, kinematics and control laws, without physics, rendering
 //! and network.
 
+mod clearance;
 mod load;
 mod outline;
+mod reach;
 mod roles;
 mod settings;
 
@@ -13,12 +15,14 @@ use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Unit, UnitQuaternion, V
 
 use crate::geometry::{Part, Visual};
 
+pub use clearance::ArmSurface;
 pub use load::RobotError;
+pub use reach::NoReachMap;
 pub use roles::{ARM_JOINTS, RecordedFrame, RecordedJoint, Roles};
 pub use settings::{
     ArmSettings, CameraMount, CameraTolerance, CorridorSettings, DriveSettings, FrameRole,
     GripperSettings, ImuSettings, JointRole, OutlineSettings, ReachSettings, SeatSettings,
-    Settings,
+    Settings, TravelSettings,
 };
 
 /// A robot loaded from a URDF and its `robot.toml`.

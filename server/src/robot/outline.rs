@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Translation3, Vector3};
 
-use super::{ARM_JOINTS, RobotModel};
+use super::{ARM_JOINTS, OutlineSettings, RobotModel};
 use crate::geometry::bounds;
 
 /// Corners of bounding boxes extend beyond round shapes by about this much, metres.
@@ -14,6 +14,12 @@ impl RobotModel {
     /// with the arm at home.
     #[must_use]
     pub fn is_within_outlines(&self, arm: &[f64; ARM_JOINTS]) -> bool {
+        self.is_within(&self.settings.outlines, arm)
+    }
+
+    /// Whether the robot with its arm at these positions, rad, is within `outlines`.
+    #[must_use]
+    pub fn is_within(&self, outlines: &[OutlineSettings], arm: &[f64; ARM_JOINTS]) -> bool {
         let mut positions = vec![0.0; self.joints.len()];
         for (&joint, &position) in self.roles.arm.iter().zip(arm) {
             positions[joint] = position;
@@ -36,22 +42,21 @@ impl RobotModel {
                         (0..8).all(|i| {
                             let sign = |bit: usize| if i & bit == 0 { -1.0 } else { 1.0 };
                             let corner = Vector3::new(sign(1), sign(2), sign(4));
-                            self.is_point_within(
-                                &(pose * Point3::from(corner.component_mul(&half))),
-                            )
+                            let corner = pose * Point3::from(corner.component_mul(&half));
+                            is_point_within(outlines, &corner)
                         })
                     })
             })
     }
+}
 
-    /// Whether a point in the root frame is within the outline at its height.
-    fn is_point_within(&self, point: &Point3<f64>) -> bool {
-        let mut outlines = self.settings.outlines.iter();
-        let outline = outlines.find(|outline| point.z <= outline.top);
-        outline.is_some_and(|outline| {
-            let [back, front, right, left] = outline.footprint;
-            (back - SLACK..=front + SLACK).contains(&point.x)
-                && (right - SLACK..=left + SLACK).contains(&point.y)
-        })
-    }
+/// Whether a point in the root frame is within the outline at its height.
+fn is_point_within(outlines: &[OutlineSettings], point: &Point3<f64>) -> bool {
+    let mut outlines = outlines.iter();
+    let outline = outlines.find(|outline| point.z <= outline.top);
+    outline.is_some_and(|outline| {
+        let [back, front, right, left] = outline.footprint;
+        (back - SLACK..=front + SLACK).contains(&point.x)
+            && (right - SLACK..=left + SLACK).contains(&point.y)
+    })
 }

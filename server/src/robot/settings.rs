@@ -32,6 +32,8 @@ pub struct Settings {
     pub footprint: [f64; 4],
     /// Outlines of the robot by height, bottom up, with the arm at home.
     pub outlines: Vec<OutlineSettings>,
+    /// The arm stowed for long ways and narrow doors, if the robot has such a posture.
+    pub travel: Option<TravelSettings>,
     /// Reach of the arm.
     pub reach: ReachSettings,
     /// Wheels, motors and speeds of the chair.
@@ -108,6 +110,17 @@ pub struct OutlineSettings {
     pub top: f64,
     /// x min, x max, y min, y max in `wheelchair_root`, metres.
     pub footprint: [f64; 4],
+}
+
+/// The arm stowed beside the seat.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TravelSettings {
+    /// Positions of the six arm joints, radians.
+    pub joints: [f64; 6],
+    /// Outlines of the robot by height, bottom up, with the arm in this posture.
+    #[serde(rename = "outline")]
+    pub outlines: Vec<OutlineSettings>,
 }
 
 /// Reach of the arm, for estimates.
@@ -364,6 +377,7 @@ pub(super) struct File {
     pub joints: Vec<JointTable>,
     pub frames: Vec<FrameTable>,
     outline: Vec<OutlineSettings>,
+    travel: Option<TravelSettings>,
     reach: ReachSettings,
     drive: DriveSettings,
     arm: ArmSettings,
@@ -436,6 +450,7 @@ impl File {
             shell_friction: self.shell_friction,
             footprint: self.footprint,
             outlines: self.outline.clone(),
+            travel: self.travel.clone(),
             reach: self.reach,
             drive: self.drive,
             arm: self.arm,
@@ -533,18 +548,23 @@ impl Settings {
             let radii = balls.iter().enumerate();
             radii.map(move |(i, ball)| (format!("gripper.{name}_balls[{i}]: radius"), ball[3]))
         });
-        let below = std::iter::once(0.0).chain(self.outlines.iter().map(|o| o.top));
-        let outlines = self.outlines.iter().zip(below).enumerate();
-        let outlines = outlines.flat_map(|(i, (outline, below))| {
-            let [x_min, x_max, y_min, y_max] = outline.footprint;
-            [
-                (
-                    format!("outline[{i}]: top above the one below"),
-                    outline.top - below,
-                ),
-                (format!("outline[{i}]: x max - x min"), x_max - x_min),
-                (format!("outline[{i}]: y max - y min"), y_max - y_min),
-            ]
+        let travel = self.travel.as_ref().map(|travel| &travel.outlines);
+        let lists = [("outline", &self.outlines)].into_iter();
+        let lists = lists.chain(travel.map(|outlines| ("travel.outline", outlines)));
+        let outlines = lists.flat_map(|(name, list)| {
+            let below = std::iter::once(0.0).chain(list.iter().map(|o| o.top));
+            let numbered = list.iter().zip(below).enumerate();
+            numbered.flat_map(move |(i, (outline, below))| {
+                let [x_min, x_max, y_min, y_max] = outline.footprint;
+                [
+                    (
+                        format!("{name}[{i}]: top above the one below"),
+                        outline.top - below,
+                    ),
+                    (format!("{name}[{i}]: x max - x min"), x_max - x_min),
+                    (format!("{name}[{i}]: y max - y min"), y_max - y_min),
+                ]
+            })
         });
         let seat = self.seat.iter().flat_map(|seat| {
             let [length, width] = seat.size;

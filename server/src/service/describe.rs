@@ -8,9 +8,18 @@ use super::convert;
 use crate::geometry::Shape;
 use crate::robot::control::GripperMap;
 use crate::robot::{
-    FrameRole, Joint, JointKind, JointRole, PAD, RecordedJoint, RobotModel, Settings,
+    FrameRole, Joint, JointKind, JointRole, OutlineSettings, PAD, RecordedJoint, RobotModel, Settings,
 };
 use crate::scene::RoomCamera;
+
+/// Outlines by height, bottom up.
+fn outlines(outlines: &[OutlineSettings]) -> Vec<v1::Outline> {
+    let outline = |outline: &OutlineSettings| v1::Outline {
+        top: outline.top,
+        footprint: Some(footprint(&outline.footprint)),
+    };
+    outlines.iter().map(outline).collect()
+}
 
 /// Describes a robot with the arm mount exactly as simulated; plans depend on every
 /// bit.
@@ -41,14 +50,11 @@ pub fn robot(model: &RobotModel, chair_from_base: &Isometry3<f64>) -> v1::RobotD
         tool_length: settings.tool_length,
         home_positions: settings.home.to_vec(),
         footprint: Some(footprint(&settings.footprint)),
-        outlines: settings
-            .outlines
-            .iter()
-            .map(|outline| v1::Outline {
-                top: outline.top,
-                footprint: Some(footprint(&outline.footprint)),
-            })
-            .collect(),
+        outlines: outlines(&settings.outlines),
+        travel: settings.travel.as_ref().map(|travel| v1::TravelPosture {
+            positions: travel.joints.to_vec(),
+            outlines: outlines(&travel.outlines),
+        }),
         reach: Some(v1::ReachShell {
             centre: Some(convert::vector(&settings.reach.centre.into())),
             inner_radius: settings.reach.inner_radius,

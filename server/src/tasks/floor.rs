@@ -4,6 +4,7 @@
 use std::f64::consts::PI;
 
 use nalgebra::{Isometry3, Translation3, Vector3};
+use wheelarm_planning::floor_map::DRIVE_CLEARANCE;
 use wheelarm_planning::footprint_check::{FootprintCheck, Limb, Outline, Pose2, occupied};
 use wheelarm_planning::hybrid_a_star::{self, PathPreferences};
 use wheelarm_planning::obb::Obb;
@@ -38,7 +39,7 @@ const WAY_HOME: u32 = 20;
 /// Driving preferences, as of the scripted operator without haste.
 const PREFERENCES: PathPreferences = PathPreferences {
     radius: 0.8,
-    margin: 0.05,
+    margin: DRIVE_CLEARANCE,
 };
 
 /// The floor of a home with one robot on it.

@@ -250,13 +250,16 @@ fn below(folder: &Path, ending: &str) -> Vec<String> {
 }
 
 #[test]
-fn damaged_packs_do_not_panic() {
+fn damaged_packs_and_reach_maps_do_not_panic() {
     let flat = root().join("tests/data/flat");
     let pack = wheelarm_pack::Pack::open(&flat).expect("the flat");
     let zip = pack.to_zip().expect("a zip file");
     read_damaged("pack", &zip, 1500, decoders::pack_zip);
     let home = std::fs::read(flat.join("home.toml")).expect("a home");
     read_damaged("home.toml", &home, 400, decoders::home_toml);
+    let map = root().join("assets/robots/wheelarm/reach.bin");
+    let map = std::fs::read(map).expect("a reach map");
+    read_damaged("reach.bin", &map, 200, decoders::reach_map);
 }
 
 #[test]

@@ -356,6 +356,7 @@ mod tests {
             tool_length: 0.12,
             footprint: [0.0; 4],
             outlines: Vec::new(),
+            travel: None,
             arm_range: [0.42, 0.88],
             hand: hand::tests::hand(),
             home: [0.0; 6],

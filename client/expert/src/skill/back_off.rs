@@ -3,8 +3,8 @@
 use nalgebra::{Isometry3, Translation3, Vector3};
 
 use super::Now;
-use crate::base_placement::PLACEMENT_MARGIN;
 use crate::clearance::held_balls;
+use wheelarm_planning::floor_map::STOP_CLEARANCE;
 
 /// Name of the phase in which the chair backs off.
 pub const BACKING_OFF: &str = "carrying and backing off";
@@ -41,7 +41,7 @@ impl BackOff {
         let chair = now.observation.chair();
         let steps = ((by + BEHIND) / SPACING).ceil() as usize;
         let is_free =
-            |i| footprint.is_free(&chair.rolled(-SPACING * i as f64, 0.0), PLACEMENT_MARGIN);
+            |i| footprint.is_free(&chair.rolled(-SPACING * i as f64, 0.0), STOP_CLEARANCE);
         if !(1..=steps).all(is_free) {
             return None;
         }

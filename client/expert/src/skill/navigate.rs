@@ -8,12 +8,13 @@ use wheelarm_proto::v1::Phase;
 
 use super::prepare::Prepare;
 use super::{Act, Now, Skill, Step};
-use crate::base_placement::{self, BasePlacement, PLACEMENT_MARGIN};
+use crate::base_placement::{self, BasePlacement};
 use crate::demonstration::adapt;
 use crate::drive::Drive;
 use crate::goal::Goal;
 use crate::grasp_candidate::{GraspCandidate, MARGINS};
 use crate::habits::Habits;
+use wheelarm_planning::floor_map::STOP_CLEARANCE;
 use wheelarm_planning::footprint_check::{FootprintCheck, Pose2};
 use wheelarm_planning::hybrid_a_star::{DriveGoal, Segment};
 use wheelarm_planning::route_planner::RoutePlanner;
@@ -271,7 +272,7 @@ fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<(Drive, GraspCandidate), 
     let chair = now.observation.chair();
     let margin = now.profile.path.margin;
     let mut routes = now.scene.route_planner(now.poses, chair, margin);
-    let room = routes.map(PLACEMENT_MARGIN);
+    let room = routes.map(STOP_CLEARANCE);
     let opened = opened(now);
     let mut tally = Tally::default();
     let mut unreached = Unreached::default();

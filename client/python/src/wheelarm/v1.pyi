@@ -1813,6 +1813,9 @@ class RobotDescription(_Message):
     """Cameras on it."""
     urdf_text: str
     """Its URDF; paths of meshes are below the robot's folder (no unit)."""
+    travel: TravelPosture
+    """The arm stowed for long ways and narrow doors; absent when the robot has no such posture.
+    """
     def __init__(
         self,
         *,
@@ -1835,6 +1838,20 @@ class RobotDescription(_Message):
         drive: DriveDescription | _Mapping[str, _Any] | None = ...,
         cameras: _Iterable[RobotCamera | _Mapping[str, _Any]] | None = ...,
         urdf_text: str | None = ...,
+        travel: TravelPosture | _Mapping[str, _Any] | None = ...,
+    ) -> None: ...
+
+class TravelPosture(_Message):
+    """The arm stowed beside the seat."""
+    positions: _Scalars[float]
+    """Positions of the arm's joints, radians."""
+    outlines: _Messages[Outline]
+    """The robot by height, bottom up, with its arm in this posture."""
+    def __init__(
+        self,
+        *,
+        positions: _Iterable[float] | None = ...,
+        outlines: _Iterable[Outline | _Mapping[str, _Any]] | None = ...,
     ) -> None: ...
 
 class JointState(_Message):

@@ -376,7 +376,7 @@ impl ArmKinematics {
 
     /// Start of restart `n`: the n-th point of a Halton sequence over the joint
     /// ranges, the same in every run.
-    fn start(&self, n: usize) -> [f64; 6] {
+    pub(in crate::robot) fn start(&self, n: usize) -> [f64; 6] {
         const BASES: [usize; 6] = [2, 3, 5, 7, 11, 13];
         let mut joints = [0.0; 6];
         for i in 0..6 {

@@ -548,7 +548,9 @@ impl Reader<'_> {
         let postures = settings.postures.iter().enumerate();
         let postures = postures.map(|(i, posture)| (format!("postures[{i}]"), posture));
         let home = ("home".to_owned(), &settings.home);
-        for (what, posture) in [home].into_iter().chain(postures) {
+        let travel = settings.travel.iter();
+        let travel = travel.map(|travel| ("travel.joints".to_owned(), &travel.joints));
+        for (what, posture) in [home].into_iter().chain(postures).chain(travel) {
             for (&joint, position) in roles.arm.iter().zip(posture) {
                 let limits = model.joints[joint].limits;
                 if !(limits.lower <= *position && *position <= limits.upper) {
@@ -570,6 +572,19 @@ impl Reader<'_> {
                     expected: "an arm within the outlines, above the chair".to_owned(),
                 });
             }
+        }
+        if let Some(travel) = &settings.travel
+            && !model.is_within(&travel.outlines, &travel.joints)
+        {
+            return Err(RobotError::Invalid {
+                path: self.toml.to_owned(),
+                object: "travel.joints".to_owned(),
+                found: format!(
+                    "{:?} rad, which reaches out of travel.outline",
+                    travel.joints
+                ),
+                expected: "an arm within the outlines of the travel posture".to_owned(),
+            });
         }
         let opening = GripperMap::new(model).opening(0.0);
         if (opening - settings.gripper.stroke).abs() > STROKE_TOLERANCE {

@@ -188,7 +188,7 @@ const CLIENTS: [(&str, &[&str]); 14] = [
     ("client/options", &["proto", "sdk"]),
     ("client/dataset", &["codec", "language", "policy", "proto"]),
     ("client/expert", &["planning", "proto", "sdk"]),
-    ("client/import", &["pack", "proto"]),
+    ("client/import", &["pack", "planning", "proto"]),
     ("client/learn", &["policy", "proto", "sdk"]),
     ("client/recorder", &["dataset", "proto", "sdk"]),
     ("client/rollout", &["expert", "policy", "proto", "sdk"]),

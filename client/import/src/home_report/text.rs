@@ -1,0 +1,167 @@
+//! The report as text for a terminal.
+
+use std::fmt::{self, Write};
+
+use super::rooms::DIN_TURNING;
+use super::{DoorReport, HomeReport, MoveReport, Reason, RoomReport, SurfaceReport};
+
+/// The report as text.
+///
+/// # Errors
+/// None: writing to a string succeeds.
+pub fn text(report: &HomeReport) -> Result<String, fmt::Error> {
+    let mut out = String::new();
+    let (robot, sum) = (&report.robot, &report.summary);
+    writeln!(
+        out,
+        "{}: the chair gets into {} of {} rooms and through {} of {} doors; the arm reaches {} of {} surfaces",
+        report.home,
+        sum.rooms_entered,
+        sum.rooms,
+        sum.doors_passed,
+        sum.doors,
+        sum.surfaces_reached,
+        sum.surfaces
+    )?;
+    writeln!(
+        out,
+        "robot {} with the arm in posture {}: {:.2} m x {:.2} m, turns on the spot within {:.2} m",
+        robot.name, robot.posture, robot.size[0], robot.size[1], robot.turning_circle
+    )?;
+    if let Some(advice) = advice(report) {
+        writeln!(out, "{advice}")?;
+    }
+    writeln!(out, "\nrooms")?;
+    for room in &report.rooms {
+        writeln!(out, "  {:24} {}", room.name, room_words(room))?;
+    }
+    writeln!(
+        out,
+        "\ndoors (DIN 18040-2: 0.80 m, for wheelchairs 0.90 m; this robot: {:.2} m)",
+        robot.door
+    )?;
+    for door in &report.doors {
+        let between = door.between.join(" - ");
+        writeln!(out, "  {between:36} {}", door_words(door))?;
+    }
+    writeln!(out, "\nsurfaces")?;
+    for surface in &report.surfaces {
+        let name = format!("{}/{}", surface.piece, surface.surface);
+        writeln!(out, "  {name:36} {}", surface_words(surface))?;
+    }
+    if !report.to_move.is_empty() {
+        writeln!(out, "\nto move")?;
+    }
+    for piece in &report.to_move {
+        writeln!(out, "  {:24} {}", piece.piece, move_words(piece))?;
+    }
+    Ok(out)
+}
+
+/// The first problem of a home, with its fix.
+pub(super) fn advice(report: &HomeReport) -> Option<String> {
+    let (name, sum) = (&report.home, &report.summary);
+    if report.start.is_none() {
+        return Some(format!(
+            "{name}: the chair fits nowhere in the home; see the plan, and draw rooms with free floor"
+        ));
+    }
+    let blocked = report.doors.iter().filter(|door| !door.passed);
+    let narrowest = blocked.min_by(|a, b| a.clear_width.total_cmp(&b.clear_width));
+    match narrowest {
+        Some(door) if sum.rooms_entered < sum.rooms => Some(format!(
+            "the chair ({:.2} m) gets into {} of {} rooms: {} between {} and {} is {:.2} m clear; see the plan",
+            report.robot.size[0],
+            sum.rooms_entered,
+            sum.rooms,
+            door.kind,
+            door.between[0],
+            door.between[1],
+            door.clear_width
+        )),
+        _ => None,
+    }
+}
+
+pub(super) fn room_words(room: &RoomReport) -> String {
+    let mut words = format!("{:5.1} m2  ", room.area);
+    words += match (room.outdoors, room.entered) {
+        (true, _) => "outside, not counted",
+        (false, true) => "entered",
+        (false, false) => "not entered",
+    };
+    if room.entered && !room.outdoors {
+        let turn = match room.turns {
+            true => "turns on the spot",
+            false => "does not turn on the spot",
+        };
+        let squares = match room.turning_squares.is_empty() {
+            true => "no place",
+            false => "place",
+        };
+        words += &format!(
+            ", drives on {:.0} %, {turn}, {squares} of {DIN_TURNING} m x {DIN_TURNING} m",
+            room.driven * 100.0
+        );
+    }
+    words
+}
+
+pub(super) fn door_words(door: &DoorReport) -> String {
+    let passed = match door.passed {
+        true => "passed",
+        false => "not passed",
+    };
+    let din = match (door.din_barrier_free, door.din_wheelchair) {
+        (_, true) => "DIN wheelchair",
+        (true, false) => "DIN barrier-free",
+        (false, false) => "below DIN",
+    };
+    let mut words = format!("{:.2} m  {passed}, {din}", door.clear_width);
+    if !door.blocked_by.is_empty() {
+        words += &format!("; before it: {}", door.blocked_by.join(", "));
+    }
+    words
+}
+
+pub(super) fn surface_words(surface: &SurfaceReport) -> String {
+    let [a, b] = surface.size;
+    let size = format!("{:.2} m high, {a:.2} m x {b:.2} m: ", surface.height);
+    let Some(strip) = &surface.strip else {
+        let mut words = format!("{size}not reached, {}", reason_words(surface.reason));
+        if !surface.blocked_by.is_empty() {
+            words += &format!(" ({})", surface.blocked_by.join(", "));
+        }
+        return words;
+    };
+    format!(
+        "{size}reached over {:.2} m, {:.0} % of its edge",
+        strip.width,
+        surface.share * 100.0
+    )
+}
+
+pub(super) fn reason_words(reason: Option<Reason>) -> &'static str {
+    match reason {
+        None => "",
+        Some(Reason::TooSmall) => "it is too small",
+        Some(Reason::OutOfReach) => "its height is out of the arm's reach",
+        Some(Reason::NoFloor) => "no free floor before it",
+        Some(Reason::Covered) => "something stands between the arm and it",
+        Some(Reason::NotConnected) => "the chair does not get to the floor before it",
+    }
+}
+
+pub(super) fn move_words(piece: &MoveReport) -> String {
+    let mut gains = Vec::new();
+    if !piece.rooms.is_empty() {
+        gains.push(format!("opens {}", piece.rooms.join(", ")));
+    }
+    if piece.doors > 0 {
+        gains.push(format!("frees doors: {}", piece.doors));
+    }
+    if !piece.surfaces.is_empty() {
+        gains.push(format!("surfaces: {}", piece.surfaces.join(", ")));
+    }
+    gains.join("; ")
+}

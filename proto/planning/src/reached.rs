@@ -1,0 +1,157 @@
+//! The part of a floor that a chair gets to: the connected parts of a floor map that contain
+//! one start. The report on a home, sampling and the scripted operator ask the same.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use super::floor_map::FloorMap;
+use super::footprint_check::Pose2;
+use super::grid::{CellPose, HEADINGS};
+
+/// See the module.
+#[derive(Clone, Debug)]
+pub struct Reached {
+    map: Arc<FloorMap>,
+    parts: BTreeSet<u16>,
+}
+
+/// A place of the coarse grid that the chair gets to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ReachedPlace {
+    /// Middle in `house`, metres.
+    pub at: [f64; 2],
+    /// The chair is free there with every heading, so that it turns on the spot.
+    pub turns: bool,
+    /// A heading with which it gets there, radians.
+    pub heading: f64,
+}
+
+impl Reached {
+    /// What a chair gets to from `start`.
+    #[must_use]
+    pub fn from_start(map: Arc<FloorMap>, start: &Pose2) -> Self {
+        let grid = map.grid().coarse();
+        let open = map.open_near(start).into_iter();
+        let parts = open.map(|at| map.parts().part(&grid, at)).collect();
+        Self { map, parts }
+    }
+
+    /// The connected part with the most poses; nothing where no pose is open.
+    #[must_use]
+    pub fn largest(map: Arc<FloorMap>) -> Self {
+        let sizes = map.parts().sizes().iter().enumerate();
+        // The first of equal ones.
+        let largest = sizes.rev().max_by_key(|(_, size)| **size);
+        let parts = largest.map(|(index, _)| (index + 1) as u16);
+        let parts = parts.into_iter().collect();
+        Self { map, parts }
+    }
+
+    /// The map.
+    #[must_use]
+    pub fn map(&self) -> &Arc<FloorMap> {
+        &self.map
+    }
+
+    /// Whether a chair at `pose` is in the part. Whether it is exactly free there says
+    /// [`FloorMap::is_free`].
+    #[must_use]
+    pub fn contains(&self, pose: &Pose2) -> bool {
+        let grid = self.map.grid().coarse();
+        let open = self.map.open_near(pose);
+        open.into_iter()
+            .any(|at| self.parts.contains(&self.map.parts().part(&grid, at)))
+    }
+
+    /// Number of poses.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        let sizes = self.map.parts().sizes();
+        let size = |part: &u16| sizes.get(usize::from(*part).wrapping_sub(1));
+        self.parts.iter().filter_map(size).sum()
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Side of the cells of [`Reached::places`], metres.
+    #[must_use]
+    pub fn side(&self) -> f64 {
+        self.map.grid().coarse().side()
+    }
+
+    /// The cells with at least one reached heading, row by row.
+    #[must_use]
+    pub fn places(&self) -> Vec<ReachedPlace> {
+        let grid = self.map.grid().coarse();
+        let parts = self.map.parts();
+        let is_reached = |at: CellPose| self.parts.contains(&parts.part(&grid, at));
+        let [along, across] = grid.count();
+        let cells = (0..across).flat_map(|y| (0..along).map(move |x| (x, y)));
+        let place = |(x, y): (usize, usize)| {
+            let at = |heading: usize| CellPose { x, y, heading };
+            let first = (0..HEADINGS).find(|heading| is_reached(at(*heading)))?;
+            let middle = grid.middle(at(first));
+            Some(ReachedPlace {
+                at: [middle.x, middle.y],
+                turns: (0..HEADINGS).all(|heading| is_reached(at(heading))),
+                heading: middle.heading,
+            })
+        };
+        cells.filter_map(place).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::floor_map::tests::{LEFT, RIGHT, two_rooms};
+    use super::*;
+
+    fn map(door: f64) -> Arc<FloorMap> {
+        Arc::new(FloorMap::new(&two_rooms(door), 0.05, &[]))
+    }
+
+    #[test]
+    fn a_chair_gets_through_a_wide_door_only() {
+        for (door, is_way) in [(1.0, true), (0.6, false)] {
+            let reached = Reached::from_start(map(door), &LEFT);
+            assert!(reached.contains(&LEFT));
+            assert_eq!(reached.contains(&RIGHT), is_way, "door of {door} m");
+            let beyond = reached
+                .places()
+                .iter()
+                .any(|p| p.at[0] > 4.3 && p.at[0] < 8.0 && p.at[1] > 0.0 && p.at[1] < 4.0);
+            assert_eq!(beyond, is_way, "door of {door} m");
+        }
+    }
+
+    #[test]
+    fn a_confined_map_has_nothing_outside() {
+        let inside = |[x, y]: [f64; 2]| (0.0..8.1).contains(&x) && (0.0..4.0).contains(&y);
+        let mut open = FloorMap::new(&two_rooms(1.0), 0.05, &[]);
+        open.confine(&inside);
+        let reached = Reached::largest(Arc::new(open));
+        assert!(reached.contains(&LEFT) && reached.contains(&RIGHT));
+        let places = reached.places();
+        assert!(places.iter().all(|place| inside(place.at)));
+        assert!(places.iter().any(|place| place.turns));
+        // Beside a wall some headings collide.
+        assert!(places.iter().any(|place| !place.turns));
+        assert!(reached.len() > places.len());
+    }
+
+    #[test]
+    fn nothing_is_reached_from_a_start_in_a_wall() {
+        let wall = Pose2 {
+            x: 4.05,
+            y: 0.5,
+            heading: 0.0,
+        };
+        let reached = Reached::from_start(map(0.6), &wall);
+        assert!(reached.is_empty() && reached.places().is_empty());
+        assert!(!reached.contains(&LEFT));
+    }
+}

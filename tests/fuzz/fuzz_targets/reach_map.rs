@@ -1,0 +1,7 @@
+//! Reach maps of robots.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use wheelarm_tests::decoders;
+
+fuzz_target!(|bytes: &[u8]| decoders::reach_map(bytes));
