@@ -2,16 +2,17 @@
 //! what a robot reaches in them.
 
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
+use anyhow::Context;
 use clap::{Args, Subcommand, ValueEnum};
 use wheelarm_import::{Joints, Options, Summary, import_file, slug, write};
-use wheelarm_pack::{PACKS_VARIABLE, Store};
+use wheelarm_options::packs::PackArgs;
+use wheelarm_pack::{Pack, Store};
+use wheelarm_proto::installed;
 
 use crate::home_report::{self, ReportArgs};
 
-/// Folder of packs when neither --out nor WHEELARM_PACKS names one.
-const FOLDER: &str = "packs";
 /// Names of pieces that are printed for one reason.
 const MOST_NAMES: usize = 12;
 
@@ -55,9 +56,12 @@ pub struct ImportArgs {
     /// License of the home when the file states none, for example CC-BY-4.0.
     #[arg(long, alias = "license", value_name = "TEXT")]
     licence: Option<String>,
-    /// Folder of packs; by default the first of WHEELARM_PACKS, otherwise packs.
+    /// Folder of packs that receives the new one [default: the first of the folders below].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Folders of packs.
+    #[command(flatten)]
+    packs: PackArgs,
 }
 
 /// Values of --joints.
@@ -72,10 +76,9 @@ enum JointsOption {
 /// Arguments of `wheelarm home list`.
 #[derive(Args, Debug)]
 pub struct ListArgs {
-    /// Folder of packs; may be given several times. By default those of WHEELARM_PACKS,
-    /// otherwise packs.
-    #[arg(long, value_name = "DIR")]
-    packs: Vec<PathBuf>,
+    /// Folders of packs.
+    #[command(flatten)]
+    packs: PackArgs,
 }
 
 /// Runs a command and returns its output.
@@ -84,27 +87,18 @@ pub struct ListArgs {
 /// When the file is not a home that can be imported, or the pack cannot be written.
 pub fn run(command: &HomeCommand) -> anyhow::Result<String> {
     match command {
-        HomeCommand::Import(args) => import(args, &folders()),
-        HomeCommand::List(args) if args.packs.is_empty() => list(folders()),
-        HomeCommand::List(args) => list(args.packs.clone()),
-        HomeCommand::Report(args) => home_report::run(args, &folders()),
+        HomeCommand::Import(args) => import(args),
+        HomeCommand::List(args) => list(&store(&args.packs)),
+        HomeCommand::Report(args) => home_report::run(args, store(&args.packs).folders()),
     }
 }
 
-/// The folders of packs: those of the environment, or the default.
-fn folders() -> Vec<PathBuf> {
-    let named = std::env::var_os(PACKS_VARIABLE).unwrap_or_default();
-    let folders: Vec<PathBuf> = std::env::split_paths(&named)
-        .filter(|folder| !folder.as_os_str().is_empty())
-        .collect();
-    if folders.is_empty() {
-        vec![FOLDER.into()]
-    } else {
-        folders
-    }
+/// The packs of the folders, as servers search them.
+fn store(packs: &PackArgs) -> Store {
+    Store::search(&packs.packs, &installed::assets().unwrap_or_default())
 }
 
-fn import(args: &ImportArgs, folders: &[PathBuf]) -> anyhow::Result<String> {
+fn import(args: &ImportArgs) -> anyhow::Result<String> {
     let stem = args.file.file_stem().map(|stem| stem.to_string_lossy());
     let name = args.name.clone().unwrap_or_else(|| match stem {
         Some(stem) => slug(&stem, 64),
@@ -121,21 +115,24 @@ fn import(args: &ImportArgs, folders: &[PathBuf]) -> anyhow::Result<String> {
         licence: args.licence.clone(),
     };
     let imported = import_file(&args.file, &options)?;
-    let folder = match (&args.out, folders.first()) {
-        (Some(out), _) => out,
-        (None, Some(first)) => first,
-        (None, None) => Path::new(FOLDER),
+    let folders = store(&args.packs);
+    let folder = match &args.out {
+        Some(out) => out,
+        None => folders
+            .folders()
+            .first()
+            .context("no folder of packs is known; name one with --out")?,
     };
     let path = write(&imported.pack, folder)?;
     let mut text = describe(&options.name, &imported.summary)?;
     writeln!(text, "digests: {}", imported.pack.id())?;
     writeln!(text, "written: {}", path.display())?;
-    writeln!(
-        text,
-        "next: wheelarm-server --packs {} --scene {}",
-        folder.display(),
-        options.name
-    )?;
+    let packs = match &args.out {
+        Some(out) => format!(" --packs {}", out.display()),
+        None => String::new(),
+    };
+    let name = &options.name;
+    writeln!(text, "next: wheelarm-server{packs} --scene {name}")?;
     Ok(text)
 }
 
@@ -186,11 +183,10 @@ fn describe(name: &str, summary: &Summary) -> anyhow::Result<String> {
     Ok(text)
 }
 
-fn list(folders: Vec<PathBuf>) -> anyhow::Result<String> {
+fn list(store: &Store) -> anyhow::Result<String> {
     let mut text = String::new();
-    let store = Store::new(folders);
     for (name, path) in store.candidates() {
-        match wheelarm_pack::Pack::open(&path) {
+        match Pack::open(&path) {
             Ok(pack) => {
                 let Some(home) = pack.home() else {
                     continue;
@@ -260,7 +256,7 @@ mod tests {
     #[test]
     fn folder_without_homes_names_the_next_step() {
         let folder = tempfile::tempdir().unwrap();
-        let text = list(vec![folder.path().into()]).unwrap();
+        let text = list(&Store::new(vec![folder.path().into()])).unwrap();
         assert!(text.contains("wheelarm home import"), "{text}");
     }
 }

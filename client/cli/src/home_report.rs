@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::Args;
 use wheelarm_import::home_report::{Finding, Home, Posture, RobotFacts, page, plan, text};
+use wheelarm_options::packs::PackArgs;
 use wheelarm_pack::{Pack, Store};
 use wheelarm_proto::installed::{self, ASSETS_VARIABLE};
 
@@ -27,25 +28,20 @@ pub struct ReportArgs {
     /// Writes report.json, report.html, report.txt and plan.png into this folder.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Folder of packs; may be given several times. By default those of WHEELARM_PACKS,
-    /// otherwise packs.
-    #[arg(long, value_name = "DIR")]
-    packs: Vec<PathBuf>,
+    /// Folders of packs.
+    #[command(flatten)]
+    pub(crate) packs: PackArgs,
     /// Assets folder; by default the installed one.
     #[arg(long, env = ASSETS_VARIABLE, value_name = "DIR")]
     assets: Option<PathBuf>,
 }
 
-/// Runs `wheelarm home report` with these default folders of packs and returns its output.
+/// Runs `wheelarm home report` with these folders of packs and returns its output.
 ///
 /// # Errors
 /// When the pack or the robot cannot be read, or a file cannot be written. A home that the
 /// chair cannot enter is not an error.
 pub fn run(args: &ReportArgs, folders: &[PathBuf]) -> anyhow::Result<String> {
-    let folders = match args.packs.is_empty() {
-        true => folders,
-        false => &args.packs,
-    };
     let assets = args.assets.clone().or_else(installed::assets);
     let assets = assets.with_context(|| {
         format!("no assets folder found; name it: export {ASSETS_VARIABLE}=…/assets")
@@ -128,7 +124,7 @@ mod tests {
             posture: Posture::Travel,
             json: false,
             out: Some(folder.path().join("out")),
-            packs: Vec::new(),
+            packs: PackArgs::default(),
             assets: Some(root.join("assets")),
         };
         let text = run(&args, &[]).unwrap();

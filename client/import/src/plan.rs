@@ -16,6 +16,11 @@ const LEAST_ARC: f64 = 0.01;
 const INSET: f64 = 0.001;
 /// Least length of a wall, metres.
 const LEAST_WALL: f64 = 0.01;
+/// Bounds of packs for the thickness of a wall and for heights, metres.
+const THICKNESS: (f64, f64) = (0.005, 5.0);
+const TALLEST: f64 = 20.0;
+/// Least height of a wall or an opening, metres.
+const LOWEST: f64 = 0.02;
 
 /// The selected level of a home.
 pub struct Plan<'a> {
@@ -130,7 +135,8 @@ impl<'a> Plan<'a> {
             }
             let height = wall.height.unwrap_or(self.home.wall_height) * METRES;
             let end_height = wall.height_at_end.map_or(height, |h| h * METRES);
-            if height.max(end_height) < 0.02 {
+            let (height, end_height) = (height.min(TALLEST), end_height.min(TALLEST));
+            if height.max(end_height) < LOWEST {
                 continue;
             }
             let mut points = self.centre_line(wall);
@@ -146,7 +152,7 @@ impl<'a> Plan<'a> {
                     source,
                     from: ends[0],
                     to: ends[1],
-                    thickness: wall.thickness * METRES,
+                    thickness: (wall.thickness * METRES).clamp(THICKNESS.0, THICKNESS.1),
                     height: share(part),
                     end_height: share(part + 1),
                 };
@@ -302,7 +308,7 @@ pub fn openings(plan: &Plan<'_>, walls: &[StraightWall]) -> Vec<Opening> {
             }
             let sill = (piece.elevation * METRES).max(0.0);
             let top = wall.height.max(wall.end_height);
-            if sill >= top {
+            if sill > top - LOWEST || height < LOWEST {
                 continue;
             }
             all.push(Opening {

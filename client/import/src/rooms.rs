@@ -140,7 +140,14 @@ pub fn rooms(
             ));
         }
         for mut piece in pieces {
-            if polygon::area(&piece).abs() < 0.02 || !is_valid(&piece) {
+            if polygon::area(&piece).abs() < 0.02 {
+                continue;
+            }
+            if !is_valid(&piece) {
+                let lost = polygon::area(&piece).abs();
+                notes.push(format!(
+                    "{lost:.2} m² of room {label:?} left out: the outline is invalid or more than 50 m away; draw the room again"
+                ));
                 continue;
             }
             if polygon::area(&piece) < 0.0 {

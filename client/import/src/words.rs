@@ -240,10 +240,10 @@ const CATEGORIES: [Category; 52] = [
     category("wardrobe", true, &["wardrobe", "kleiderschrank", "armoire", "armario", "guardaroba", "closet"]),
     category("dresser", true, &["dresser", "chest", "kommode", "commode", "comoda", "cassettiera", "buffet", "sideboard", "drawers"]),
     category("cabinet", true, &["cabinet", "schrank", "placard", "kast", "cupboard"]),
-    category("toilet", false, &["toilet", "wc", "inodoro", "water"]),
+    category("toilet", false, &["toilet", "wc", "inodoro"]),
     category("bath", false, &["bath", "badewanne", "baignoire", "banera", "vasca", "tub"]),
     category("shower", false, &["shower", "dusche", "douche", "ducha", "doccia"]),
-    category("radiator", false, &["radiator", "heizkorper", "heizung", "radiateur", "radiador"]),
+    category("radiator", false, &["radiator", "heizkorper", "heizung", "radiateur", "radiador", "hotwaterradiator"]),
     category("fireplace", false, &["fireplace", "kamin", "cheminee", "chimenea", "camino"]),
     category("stairs", false, &["stair", "treppe", "escalier", "escalera", "scala", "trap ", "ladder"]),
     category("railing", false, &["railing", "gelander", "rampe", "barandilla", "fence", "zaun", "baluster"]),
@@ -270,6 +270,17 @@ const CATEGORIES: [Category; 52] = [
 
 /// What no category names.
 pub const OTHER: Category = category("furniture", true, &[]);
+
+/// What lamps are.
+pub const LAMP: Category = category("lamp", false, &[]);
+
+/// A door or a window: by its words, otherwise a window when it `is_high`.
+#[must_use]
+pub fn of_opening(catalogue: &str, name: &str, is_high: bool) -> Category {
+    let found = category_of(catalogue, name).word;
+    let is_window = found == "window" || (found != "door" && is_high);
+    category(if is_window { "window" } else { "door" }, false, &[])
+}
 
 /// The kind of a room by its name; empty when no word is known.
 #[must_use]
@@ -429,6 +440,7 @@ mod tests {
             ("eTeks#kitchenUpperCabinet", "", "upper_cabinet"),
             ("eTeks#squareTable", "Tisch", "table"),
             ("eTeks#coffeeTable", "", "coffee_table"),
+            ("eTeks#hotWaterRadiator", "", "radiator"),
             ("eTeks#bed140x190", "", "bed"),
             ("eTeks#texturableBox", "Mirror", "mirror"),
             ("eTeks#texturableBox", "Box", "box"),

@@ -38,6 +38,13 @@ struct Claim {
 /// once; a killed one does not.
 pub(super) const AWAY: Duration = Duration::from_secs(5);
 
+/// How long the results of a recorder that ended are listed: a client of a busy machine
+/// polls seldom, and without them reports a complete file as lost.
+const LISTED: Duration = Duration::from_secs(120);
+
+/// States in which a recorder is done with an episode.
+const OVER: [v1::RecorderState; 2] = [v1::RecorderState::Finished, v1::RecorderState::Failed];
+
 /// A recorder sends its status every half second. After this silence its process or
 /// host is suspended. It may resume: in lock-step time waits for it, but the start and
 /// end of an episode do not.
@@ -188,11 +195,19 @@ impl Recorders {
 
     /// Removes the recorders that were away for too long.
     pub fn expire(&mut self, now: Instant) {
-        let late = |since: &Instant| now.saturating_duration_since(*since) > AWAY;
-        let away = self.away.extract_if(.., |_, since| late(since));
-        for (name, _) in away.collect::<Vec<_>>() {
+        let late = |since: &Instant, limit| now.saturating_duration_since(*since) > limit;
+        let lost = self.away.iter().filter(|(_, since)| late(since, AWAY));
+        self.gone.extend(lost.map(|(name, _)| name.clone()));
+        let known = &self.known;
+        let has_result = |name: &String| {
+            let mut episodes = known.get(name).into_iter().flatten();
+            episodes.any(|status| OVER.contains(&status.state()))
+        };
+        let forgotten = self.away.extract_if(.., |name, since| {
+            late(since, if has_result(name) { LISTED } else { AWAY })
+        });
+        for (name, _) in forgotten.collect::<Vec<_>>() {
             self.forget(&name);
-            self.gone.insert(name);
         }
     }
 
@@ -249,11 +264,10 @@ impl Recorders {
                 all.push(newest.clone());
             }
         }
-        let over = [v1::RecorderState::Finished, v1::RecorderState::Failed];
         let left = self.away.keys().filter_map(|name| self.known.get(name));
         let left = left.flatten().filter(|status| {
             let (run, episode) = id(status);
-            run == run_id && episode > 0 && over.contains(&status.state())
+            run == run_id && episode > 0 && OVER.contains(&status.state())
         });
         all.extend(left.cloned());
         for status in &mut all {
@@ -520,7 +534,20 @@ mod tests {
             (0, vec![last])
         );
         assert!(recorders.all("another run", now).is_empty());
-        recorders.expire(now + AWAY + Duration::from_millis(1));
+        let moment = Duration::from_millis(1);
+        recorders.token_appeared("killed");
+        recorders.update(status("killed", 1, 5), now);
+        recorders.disconnected("killed", now);
+        recorders.expire(now + AWAY + moment);
+        assert_eq!(
+            recorders.all(&run, now).len(),
+            1,
+            "a busy client polls seldom"
+        );
+        let both = ["disk", "killed"].map(str::to_owned);
+        assert_eq!(recorders.lost_of(&both), both, "neither is waited for");
+        assert!(!recorders.is_away("killed"));
+        recorders.expire(now + LISTED + moment);
         assert!(recorders.all(&run, now).is_empty());
     }
 

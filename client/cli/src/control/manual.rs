@@ -309,7 +309,7 @@ pub const HOME: &str = manual!(
   wheelarm home import HOUSE.sh3d --name house --level 2 --without chairs,rugs
   wheelarm home list
   wheelarm home report anna-flat --out anna-report
-  wheelarm-server --packs packs --scene anna-flat
+  wheelarm-server --scene anna-flat
 ",
     "  0  imported, listed or reported; what was left out is printed
   1  the file is not a home, has no closed room, or the pack or robot cannot be read or written

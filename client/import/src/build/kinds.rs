@@ -69,7 +69,8 @@ pub struct Kinds<'a> {
     archive: &'a mut Archive,
     models: BTreeMap<String, Result<Rc<Model>, ModelError>>,
     built: BTreeMap<String, Rc<Built>>,
-    names: Names,
+    /// Names of kinds.
+    pub names: Names,
     /// Files by name.
     pub kinds: BTreeMap<String, KindFile>,
     /// Meshes by path.

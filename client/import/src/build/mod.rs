@@ -1,5 +1,6 @@
 //! Assembles a pack from a home: kinds, rooms, walls, pieces, start, camera, sources.
 
+mod clear;
 mod house;
 mod kinds;
 mod leaves;
@@ -23,10 +24,13 @@ use crate::raster::Point3;
 use crate::rooms::{self, Names, PlanRoom};
 use crate::sh3d::{Home, Piece, PieceKind};
 use crate::words::{self, Category};
+use clear::{Shape, clear_surfaces};
 use kinds::{Built, Kinds, Passage};
 use sources::{license, manifest, origin};
 use start::{start_and_camera, wall_obstacles};
 
+/// Largest coordinate of a piece, metres: that of packs less a margin.
+const FARTHEST: f64 = 49.0;
 /// Height below which pieces obstruct a chair with an arm, metres.
 const BODY: f64 = 1.5;
 
@@ -146,7 +150,7 @@ pub fn assemble(
         paints: &mut paints,
         names: Names::default(),
         pieces: Vec::new(),
-        obstacles: Vec::new(),
+        shapes: Vec::new(),
         sources: BTreeMap::new(),
         summary: &mut summary,
     };
@@ -175,18 +179,49 @@ pub fn assemble(
     let Placer {
         kinds,
         mut pieces,
-        obstacles,
-        sources,
+        mut shapes,
+        mut sources,
         ..
     } = placer;
-    let mut tables = kinds.kinds;
+    let mut blocks: Vec<Obstacle> = shapes
+        .iter()
+        .filter(|shape| shape.low < BODY && shape.high > 0.03)
+        .map(|shape| Obstacle {
+            outline: shape.outline.clone(),
+        })
+        .collect();
+    blocks.extend(wall_obstacles(&walls, &opening_entries));
+    shapes.extend(walls.iter().map(|wall| Shape {
+        outline: wall.outline().to_vec(),
+        low: 0.0,
+        high: wall.height.max(wall.end_height),
+        piece: None,
+    }));
+    let Kinds {
+        kinds: mut tables,
+        mut triangles,
+        mut names,
+        meshes,
+        ..
+    } = kinds;
+    let former = clear_surfaces(
+        &mut pieces,
+        &mut tables,
+        &mut triangles,
+        &mut names,
+        &shapes,
+    );
+    for (kind, former) in former {
+        if let Some(source) = sources.get(&former).cloned() {
+            sources.insert(kind, source);
+        }
+    }
+    sources.retain(|kind, _| tables.contains_key(kind));
     let baseboards = house::baseboards(&plan, &walls, &opening_entries, &mut paints);
     if let Some(kind) = baseboards {
         tables.insert("baseboards".into(), kind);
         pieces.push(piece_entry("baseboards", "baseboards", [0.0; 3], 0.0));
     }
-    let mut blocks = obstacles;
-    blocks.extend(wall_obstacles(&walls, &opening_entries));
     let (start, camera) = start_and_camera(options, &plan, &rooms, &blocks, &mut summary)?;
     let license = license(home, options, &mut summary);
     let origin = origin(file, home);
@@ -202,13 +237,13 @@ pub fn assemble(
         piece: pieces,
         object: Vec::new(),
     };
-    count(&home_file, &tables, &kinds.triangles, &mut summary);
+    count(&home_file, &tables, &triangles, &mut summary);
     let manifest = manifest(options, home, &origin, &license, &sources, &mut summary);
     summary.rooms = rooms.iter().filter(|room| !room.is_outside).count();
     summary.outside = rooms.len() - summary.rooms;
     summary.walls = walls.len();
     summary.notes.append(&mut paints.notes);
-    let mut files = kinds.meshes;
+    let mut files = meshes;
     for (name, png) in paints.textures {
         files.insert(format!("textures/{name}.png"), png);
     }
@@ -240,7 +275,7 @@ struct Placer<'a, 'b, 'k> {
     paints: &'a mut Paints,
     names: Names,
     pieces: Vec<PieceEntry>,
-    obstacles: Vec<Obstacle>,
+    shapes: Vec<Shape>,
     /// Author and license of each kind.
     sources: BTreeMap<String, (String, Option<String>)>,
     summary: &'a mut Summary,
@@ -249,7 +284,15 @@ struct Placer<'a, 'b, 'k> {
 impl Placer<'_, '_, '_> {
     /// Places a piece, or notes why not. Returns its name.
     fn piece(&mut self, piece: &Piece, passage: Passage) -> Result<Option<String>, ImportError> {
-        let category = words::category_of(&piece.catalogue, &piece.name);
+        let category = match piece.kind {
+            PieceKind::Furniture => words::category_of(&piece.catalogue, &piece.name),
+            PieceKind::DoorOrWindow => words::of_opening(
+                &piece.catalogue,
+                &piece.name,
+                passage != Passage::Open && piece.elevation > 20.0,
+            ),
+            PieceKind::Light => words::LAMP,
+        };
         if let Some(reason) = self.reason_to_leave(piece, category, passage) {
             self.leave(piece, reason);
             return Ok(None);
@@ -292,6 +335,13 @@ impl Placer<'_, '_, '_> {
                 "" => "it is on no level".into(),
                 level => format!("it is on level {level:?}"),
             });
+        }
+        let [x, y] = self.plan.place(piece.at);
+        let far = [x, y, piece.elevation * METRES];
+        if far.iter().any(|c| c.abs() > FARTHEST) {
+            return Some(format!(
+                "it is farther than {FARTHEST} m from the middle of the walls; move or delete it"
+            ));
         }
         if !piece.visible {
             return Some("it is hidden in the file".into());
@@ -337,12 +387,13 @@ impl Placer<'_, '_, '_> {
         let mut entry = piece_entry(&name, &built.kind, at, yaw_deg);
         entry.room = room.clone();
         self.pieces.push(entry);
-        for solid in &built.solids {
-            if solid.low + at[2] < BODY && solid.high + at[2] > 0.03 {
-                let outline = solid.outline.iter().map(|&p| turn(p)).collect();
-                self.obstacles.push(Obstacle { outline });
-            }
-        }
+        let index = Some(self.pieces.len() - 1);
+        self.shapes.extend(built.solids.iter().map(|solid| Shape {
+            outline: solid.outline.iter().map(|&p| turn(p)).collect(),
+            low: solid.low + at[2],
+            high: solid.high + at[2],
+            piece: index,
+        }));
         for leaf in &built.leaves {
             let [x, y] = turn([leaf.at[0], leaf.at[1]]);
             let at = rounded3([x, y, at[2] + leaf.at[2]]);

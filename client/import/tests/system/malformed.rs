@@ -203,3 +203,12 @@ proptest! {
         let _ = import("flat.sh3d", flat.bytes(), &options);
     }
 }
+
+#[test]
+fn far_pieces_and_odd_walls_cost_themselves() {
+    let flat = Flat::new().with("x='700' y='35'", "x='90000' y='35'").with(
+        "thickness='10' height='250' heightAtEnd='200'",
+        "thickness='0.2' height='99999'",
+    );
+    assert!(reason(&flat, "Cabinet").contains("farther than 49 m"));
+}
