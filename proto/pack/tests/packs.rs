@@ -79,7 +79,7 @@ fn digests_follow_values_and_not_their_spelling() {
         (
             "kinds/table.toml",
             "category = \"table\"",
-            "category = \"desk\"",
+            "category = \"bench\"",
             true,
             false,
         ),
