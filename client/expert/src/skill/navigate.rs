@@ -19,7 +19,7 @@ use crate::goal::Goal;
 use crate::grasp_candidate::{GraspCandidate, MARGINS};
 use crate::habits::Habits;
 use crate::scene::SceneModel;
-use wheelarm_planning::floor_map::STOP_CLEARANCE;
+use wheelarm_planning::floor_map::{STOP_CLEARANCE, STOWED_CLEARANCE};
 use wheelarm_planning::footprint_check::{FootprintCheck, Pose2};
 use wheelarm_planning::hybrid_a_star::{DriveGoal, Segment};
 use wheelarm_planning::route_planner::RoutePlanner;
@@ -154,19 +154,25 @@ impl Navigate {
             outlines: travel.outlines.clone(),
             ..now.scene.clone()
         };
-        let mut stowed = Now {
-            scene: &scene,
-            goal: now.goal,
-            profile: now.profile,
-            observation: now.observation,
-            poses: now.poses,
-            reach: &mut *now.reach,
-            shown: now.shown,
-            memory: &mut *now.memory,
-        };
-        let found = find(&mut stowed, self.purpose).ok()?;
-        self.is_stowed = true;
-        Some(found)
+        for margin in [now.profile.path.margin, STOWED_CLEARANCE] {
+            let mut profile = *now.profile;
+            profile.path.margin = margin;
+            let mut stowed = Now {
+                scene: &scene,
+                goal: now.goal,
+                profile: &profile,
+                observation: now.observation,
+                poses: now.poses,
+                reach: &mut *now.reach,
+                shown: now.shown,
+                memory: &mut *now.memory,
+            };
+            if let Ok(found) = find(&mut stowed, self.purpose) {
+                self.is_stowed = true;
+                return Some(found);
+            }
+        }
+        None
     }
 
     /// Moves the arm to `joints`, radians; `None` when it is there.
