@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use anyhow::Context;
 use clap::{Args, Subcommand, ValueEnum};
 use wheelarm_import::home_report::{Posture, RobotFacts};
+use wheelarm_import::home_tasks::TaskRobot;
 use wheelarm_import::{Joints, Options, Summary, home_tasks, import_file, slug, write};
 use wheelarm_options::packs::PackArgs;
 use wheelarm_pack::{Pack, Store};
@@ -60,6 +61,9 @@ pub struct ImportArgs {
     /// Robot of the tasks, a folder in assets/robots.
     #[arg(long, default_value = "wheelarm")]
     robot: String,
+    /// Posture of the arm in which the scripted operator drives: home or travel.
+    #[arg(long, default_value = "home")]
+    posture: Posture,
     /// License of the home when the file states none, for example CC-BY-4.0.
     #[arg(long, alias = "license", value_name = "TEXT")]
     licence: Option<String>,
@@ -164,16 +168,21 @@ fn with_tasks(args: &ImportArgs, pack: Pack) -> anyhow::Result<(Pack, String)> {
         );
         return Ok((pack, note));
     };
-    // The scripted operator drives with the arm in this posture.
-    let robot = match RobotFacts::read(&assets, &args.robot, Posture::Home) {
-        Ok(robot) => robot,
-        Err(error) => return Ok((pack, format!("note: no tasks: {error}\n"))),
+    let read = |posture| RobotFacts::read(&assets, &args.robot, posture);
+    let found = match (read(args.posture), read(Posture::Home)) {
+        (Ok(drives), Ok(starts)) => {
+            let (drives, starts) = (&drives, &starts);
+            home_tasks::add(&pack, TaskRobot { drives, starts })?
+        }
+        (Err(error), _) | (_, Err(error)) => {
+            return Ok((pack, format!("note: no tasks: {error}\n")));
+        }
     };
-    let found = home_tasks::add(&pack, &robot)?;
     let mut text = format!(
-        "{} of {} surfaces reached, {} tasks\n",
+        "{} of {} surfaces reached, {} more from a start in their room; {} tasks\n",
         found.reached,
         found.surfaces,
+        found.reached_within,
         found.tasks.len()
     );
     for name in &found.tasks {

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use wheelarm_import::home_report::{Posture, RobotFacts};
+use wheelarm_import::home_tasks::TaskRobot;
 use wheelarm_import::{Options, home_tasks, import_file, write};
 
 fn main() -> ExitCode {
@@ -31,10 +32,14 @@ fn run(words: &[String]) -> Result<(), Box<dyn std::error::Error>> {
     let mut pack = imported.pack;
     if let Some(assets) = assets.first() {
         let robot = RobotFacts::read(Path::new(assets), "wheelarm", Posture::Home)?;
-        let found = home_tasks::add(&pack, &robot)?;
+        let robot = TaskRobot {
+            drives: &robot,
+            starts: &robot,
+        };
+        let found = home_tasks::add(&pack, robot)?;
         println!(
-            "{} of {} surfaces reached, tasks: {:#?}, without a task: {:#?}",
-            found.reached, found.surfaces, found.tasks, found.skipped
+            "{} and {} of {} surfaces reached, tasks: {:#?}, without a task: {:#?}",
+            found.reached, found.reached_within, found.surfaces, found.tasks, found.skipped
         );
         pack = found.pack;
     }

@@ -47,9 +47,20 @@ const fn stock(
     }
 }
 
-/// At most `most` spots, and the others: from every room in turn, kinds of furniture that the
-/// room has no task on first, then the longest.
+/// At most `most` spots, and the others: those to which the chair gets from the start of the
+/// home, then the others; from every room in turn, kinds of furniture that the room has no
+/// task on first, then the longest.
 pub(super) fn choose(spots: Vec<Spot>, most: usize) -> (Vec<Spot>, Vec<Spot>) {
+    let (within, reached): (Vec<Spot>, Vec<Spot>) = spots.into_iter().partition(|s| s.within);
+    let (mut chosen, mut rest) = in_turn(reached, most);
+    let (more, others) = in_turn(within, most - chosen.len());
+    chosen.extend(more);
+    rest.extend(others);
+    (chosen, rest)
+}
+
+/// At most `most` spots of every room in turn, and the others.
+fn in_turn(spots: Vec<Spot>, most: usize) -> (Vec<Spot>, Vec<Spot>) {
     let mut rooms: BTreeMap<String, Vec<Spot>> = BTreeMap::new();
     for spot in spots {
         rooms.entry(spot.room_words.clone()).or_default().push(spot);
@@ -92,6 +103,7 @@ pub(super) fn object<'a>(stock: &[&'a Stock], spot: &Spot, index: usize) -> Opti
 
 #[cfg(test)]
 mod tests {
+    use super::super::spot::Start;
     use super::*;
 
     fn spot(piece: &str, category: &str, room: &str, length: f64) -> Spot {
@@ -109,6 +121,8 @@ mod tests {
             headroom: 0.35,
             at: [0.0; 2],
             stop: [0.0; 3],
+            start: Start::default(),
+            within: false,
         }
     }
 

@@ -7,7 +7,6 @@ use serde::Serialize;
 use super::NoTasks;
 use super::choose::Stock;
 use super::spot::Spot;
-use super::start::Start;
 
 /// Longest name of the contract, characters.
 const LONGEST: usize = 64;
@@ -99,7 +98,6 @@ pub(super) fn task_texts(
     home: &str,
     spot: &Spot,
     object: &Stock,
-    start: &Start,
     names: &mut TaskNames,
 ) -> Result<Texts, NoTasks> {
     let name = names.give(home, spot);
@@ -108,9 +106,9 @@ pub(super) fn task_texts(
         license: LICENSE,
         scene: home,
         start: StartTable {
-            x: start.x,
-            y: start.y,
-            yaw_deg: start.yaw_deg,
+            x: spot.start.x,
+            y: spot.start.y,
+            yaw_deg: spot.start.yaw_deg,
         },
         place: [PlaceTable {
             object: object.name,
@@ -156,6 +154,7 @@ fn sentences(spot: &Spot, object: &Stock) -> [String; 3] {
 
 #[cfg(test)]
 mod tests {
+    use super::super::spot::Start;
     use super::*;
 
     #[test]
@@ -175,6 +174,8 @@ mod tests {
             headroom: 0.6,
             at: [0.0; 2],
             stop: [0.0; 3],
+            start: Start::default(),
+            within: false,
         };
         let first = names.give("anna-flat", &spot);
         assert_eq!(first, "anna-flat_kitchen_cabinet_12_1");

@@ -14,9 +14,10 @@ mod start;
 use std::collections::BTreeMap;
 
 use wheelarm_pack::{ObjectEntry, Pack, PackError};
+use wheelarm_planning::reached::Reached;
 
-use crate::home_report::floor::Floor;
-use crate::home_report::{Home, NoHome, RobotFacts, SurfaceReport, rooms, surfaces};
+use crate::home_report::floor::{self, Floor};
+use crate::home_report::{Home, NoHome, RobotFacts, rooms, surfaces};
 use files::{Texts, task_texts};
 use spot::Spot;
 
@@ -39,8 +40,12 @@ pub struct HomeTasks {
     pub pack: Pack,
     /// Names of the new tasks, sorted.
     pub tasks: Vec<String>,
-    /// Number of reached surfaces, and of all.
+    /// Number of surfaces that are reached from the start of the home.
     pub reached: usize,
+    /// Number of further ones that are reached from a start in their room.
+    pub reached_within: usize,
+    /// Number of tasks that start in a room to which the chair does not get.
+    pub tasks_within: usize,
     /// All surfaces.
     pub surfaces: usize,
     /// Reached surfaces without a task.
@@ -66,13 +71,23 @@ pub enum NoTasks {
     },
 }
 
-/// Adds tasks for the surfaces that `robot` reaches. The other files of the pack stay, except
+/// Robot of the tasks.
+#[derive(Clone, Copy, Debug)]
+pub struct TaskRobot<'a> {
+    /// With the posture in which the scripted operator drives.
+    pub drives: &'a RobotFacts,
+    /// With the posture in which an episode starts.
+    pub starts: &'a RobotFacts,
+}
+
+/// Adds tasks for the surfaces that `robot` reaches: from the start of the home, and then from
+/// starts in the rooms to which it does not get. The other files of the pack stay, except
 /// `home.toml` with the objects, and the kinds of pieces whose surfaces are approached from
 /// another edge.
 ///
 /// # Errors
 /// [`NoTasks`] when the pack has no home, or exceeds a limit with its tasks.
-pub fn add(pack: &Pack, robot: &RobotFacts) -> Result<HomeTasks, NoTasks> {
+pub fn add(pack: &Pack, robot: TaskRobot<'_>) -> Result<HomeTasks, NoTasks> {
     let home = Home::from_pack(pack)?;
     let name = pack.id().name.clone();
     let mut file = pack
@@ -80,29 +95,49 @@ pub fn add(pack: &Pack, robot: &RobotFacts) -> Result<HomeTasks, NoTasks> {
         .cloned()
         .ok_or_else(|| NoHome::Missing(name.clone()))?;
     // Not the whole report: what to move takes most of its time.
-    let floor = Floor::new(&home, robot);
-    let reports: Vec<SurfaceReport> = home
-        .surfaces
-        .iter()
-        .map(|surface| surfaces::test(&home, &floor, robot, surface))
-        .collect();
-    let own_start = start::fallback(
-        &home,
-        &floor,
-        rooms::start(&home, &floor, &rooms::test(&home, &floor)),
-    );
+    let mut floor = Floor::new(&home, robot.drives);
+    let parked = floor::footprint(&home, robot.starts);
+    let rooms = rooms::test(&home, &floor);
+    let of_home = start::of_home(&home, &floor, rooms::start(&home, &floor, &rooms));
     let mut skipped = Vec::new();
     let mut spots: Vec<Spot> = Vec::new();
-    for (surface, report) in home.surfaces.iter().zip(&reports) {
-        let Some(strip) = &report.strip else {
-            continue;
+    let mut counts = [0; 2];
+    for within in [false, true] {
+        if within {
+            floor.driven = Reached::all(floor.driven.map().clone());
+        }
+        let floors = start::Floors {
+            driven: &floor,
+            parked: &parked,
         };
-        match Spot::new(&home, &file, surface, strip) {
-            Ok(spot) => spots.push(spot),
-            Err(reason) => skipped.push(Skipped {
-                surface: format!("{}/{}", report.piece, surface.name),
-                reason,
-            }),
+        for surface in &home.surfaces {
+            let piece = &home.pieces[surface.piece].name;
+            let is_known = |spot: &Spot| spot.piece == *piece && spot.surface == surface.name;
+            let label = format!("{piece}/{}", surface.name);
+            if spots.iter().any(is_known) || skipped.iter().any(|s: &Skipped| s.surface == label) {
+                continue;
+            }
+            let Some(strip) = surfaces::test(&home, &floor, robot.drives, surface).strip else {
+                continue;
+            };
+            let spot = Spot::new(&home, &file, surface, &strip).and_then(|spot| {
+                let near = start::near(&home, &floors, &spot);
+                let start = near.or(of_home.filter(|_| !within));
+                let start = start.ok_or("no free floor for a start in its room")?;
+                Ok(Spot {
+                    within,
+                    start,
+                    ..spot
+                })
+            });
+            counts[usize::from(within)] += 1;
+            match spot {
+                Ok(spot) => spots.push(spot),
+                Err(reason) => skipped.push(Skipped {
+                    surface: label,
+                    reason,
+                }),
+            }
         }
     }
     let (chosen, rest) = choose::choose(spots, MOST);
@@ -125,6 +160,7 @@ pub fn add(pack: &Pack, robot: &RobotFacts) -> Result<HomeTasks, NoTasks> {
     let mut files = pack.files().clone();
     files.retain(|path, _| path.contains('/') && !path.starts_with("kinds/"));
     let mut tasks = Vec::new();
+    let mut within = 0;
     for (index, spot) in chosen.iter().enumerate() {
         let Some(object) = choose::object(&stock, spot, index) else {
             skipped.push(Skipped {
@@ -145,8 +181,8 @@ pub fn add(pack: &Pack, robot: &RobotFacts) -> Result<HomeTasks, NoTasks> {
             yaw_deg: 0.0,
             optional: true,
         });
-        let start = start::near(&home, &floor, spot, own_start);
-        let Texts { name, area, task } = task_texts(&name, spot, object, &start, &mut names)?;
+        within += usize::from(spot.within);
+        let Texts { name, area, task } = task_texts(&name, spot, object, &mut names)?;
         files.insert(format!("areas/{name}.toml"), area.into_bytes());
         files.insert(format!("tasks/{name}.toml"), task.into_bytes());
         tasks.push(name);
@@ -157,8 +193,10 @@ pub fn add(pack: &Pack, robot: &RobotFacts) -> Result<HomeTasks, NoTasks> {
     Ok(HomeTasks {
         pack: Pack::from_tables(&manifest, Some(&file), &kinds, files)?,
         tasks,
-        reached: reports.iter().filter(|r| r.strip.is_some()).count(),
-        surfaces: reports.len(),
+        reached: counts[0],
+        reached_within: counts[1],
+        tasks_within: within,
+        surfaces: home.surfaces.len(),
         skipped,
     })
 }

@@ -22,6 +22,17 @@ const END: f64 = 0.03;
 /// Height over which what hangs above a surface is looked for, metres.
 const ABOVE: f64 = 0.6;
 
+/// Ranges of the start of the chair.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Start {
+    /// Metres.
+    pub x: [f64; 2],
+    /// Metres.
+    pub y: [f64; 2],
+    /// Degrees.
+    pub yaw_deg: [f64; 2],
+}
+
 /// See the module.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Spot {
@@ -51,10 +62,14 @@ pub(super) struct Spot {
     pub at: [f64; 2],
     /// Stop of the chair for it: x, y, metres, and heading, radians.
     pub stop: [f64; 3],
+    /// Start of the chair.
+    pub start: Start,
+    /// The chair does not get there from the start of the home.
+    pub within: bool,
 }
 
 impl Spot {
-    /// The spot on a reached surface.
+    /// The spot on a reached surface, without a start.
     ///
     /// # Errors
     /// The reason when objects have no room.
@@ -136,6 +151,8 @@ impl Spot {
             headroom: lowest.fold(ABOVE, f64::min),
             at,
             stop: middle.1,
+            start: Start::default(),
+            within: false,
         })
     }
 

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use wheelarm_import::home_report::{Posture, RobotFacts};
-use wheelarm_import::home_tasks::{self, HomeTasks, MOST};
+use wheelarm_import::home_tasks::{self, HomeTasks, MOST, TaskRobot};
 use wheelarm_import::{Options, import};
 use wheelarm_pack::{HomeFile, KindFile, Pack, contains};
 
@@ -26,7 +26,12 @@ fn imported(flat: &Flat) -> Pack {
 }
 
 fn added(pack: &Pack) -> HomeTasks {
-    home_tasks::add(pack, &robot()).unwrap()
+    let robot = robot();
+    let robot = TaskRobot {
+        drives: &robot,
+        starts: &robot,
+    };
+    home_tasks::add(pack, robot).unwrap()
 }
 
 fn table(pack: &Pack, path: &str) -> toml::Table {
@@ -87,8 +92,10 @@ fn check(found: &HomeTasks) -> Vec<String> {
 #[test]
 fn each_reached_surface_has_a_task_or_a_reason() {
     let found = added(&imported(&Flat::new()));
-    assert!(found.reached > 0 && found.reached <= found.surfaces);
-    assert_eq!(found.tasks.len() + found.skipped.len(), found.reached);
+    let reached = found.reached + found.reached_within;
+    assert!(found.reached > 0 && reached <= found.surfaces);
+    assert_eq!(found.tasks.len() + found.skipped.len(), reached);
+    assert!(found.tasks_within <= found.reached_within);
     assert!(!found.tasks.is_empty() && found.tasks.len() <= MOST);
     let pieces = check(&found);
     assert!(pieces.contains(&"table".to_owned()), "{pieces:?}");
@@ -136,6 +143,11 @@ fn pack_without_a_home_is_rejected() {
     let mut files = flat.files().clone();
     files.remove("home.toml");
     let pack = Pack::from_files(files).unwrap();
-    let error = home_tasks::add(&pack, &robot()).unwrap_err().to_string();
+    let robot = robot();
+    let robot = TaskRobot {
+        drives: &robot,
+        starts: &robot,
+    };
+    let error = home_tasks::add(&pack, robot).unwrap_err().to_string();
     assert!(error.contains("has no home.toml"), "{error}");
 }
