@@ -130,4 +130,44 @@ mod tests {
             assert_eq!((turned.depth, turned.depth + turned.width), (depth, 2.0));
         }
     }
+    #[test]
+    fn piece_that_shares_its_kind_gets_a_copy() {
+        let pack = wheelarm_pack::Pack::open(std::path::Path::new(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../tests/data/flat"
+        )))
+        .unwrap();
+        let mut home = pack.home().unwrap().clone();
+        let mut other = home.piece[0].clone();
+        other.name = "table_2".into();
+        home.piece.push(other);
+        let mut kinds = pack.kinds().clone();
+        let mut manifest = pack.manifest().clone();
+        manifest.source.push(wheelarm_pack::SourceEntry {
+            of: "table".into(),
+            author: "A".into(),
+            license: "CC0-1.0".into(),
+            origin: String::new(),
+        });
+        let surface = kinds["table"].surfaces[0].name.clone();
+        let spot = |piece: &str| Spot {
+            side: 2,
+            ..Spot::test(piece, &surface)
+        };
+        turn(&mut home, &mut kinds, &mut manifest, &[spot("table_2")]);
+        let kind_of = |home: &HomeFile, name: &str| {
+            let piece = home.piece.iter().find(|piece| piece.name == name);
+            piece.unwrap().kind.clone()
+        };
+        assert_eq!(kind_of(&home, "table_1"), "table");
+        assert_eq!(kind_of(&home, "table_2"), "table_2");
+        assert_eq!(kinds["table"], pack.kinds()["table"]);
+        assert_ne!(kinds["table_2"].surfaces, kinds["table"].surfaces);
+        let sources = manifest.source.iter().filter(|source| source.author == "A");
+        assert_eq!(sources.count(), 2);
+        // The other table too: no piece has the former kind.
+        turn(&mut home, &mut kinds, &mut manifest, &[spot("table_1")]);
+        assert!(!kinds.contains_key("table"));
+        assert!(manifest.source.iter().all(|source| source.of != "table"));
+    }
 }

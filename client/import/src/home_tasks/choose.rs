@@ -103,26 +103,14 @@ pub(super) fn object<'a>(stock: &[&'a Stock], spot: &Spot, index: usize) -> Opti
 
 #[cfg(test)]
 mod tests {
-    use super::super::spot::Start;
     use super::*;
 
     fn spot(piece: &str, category: &str, room: &str, length: f64) -> Spot {
         Spot {
-            piece: piece.into(),
-            surface: "level_1".into(),
-            number: 1,
-            piece_words: category.into(),
             category: category.into(),
             room_words: room.into(),
-            side: 0,
-            inwards: [0.1, 0.2],
             along: [0.0, length],
-            depth: 0.25,
-            headroom: 0.35,
-            at: [0.0; 2],
-            stop: [0.0; 3],
-            start: Start::default(),
-            within: false,
+            ..Spot::test(piece, "level_1")
         }
     }
 

@@ -154,29 +154,12 @@ fn sentences(spot: &Spot, object: &Stock) -> [String; 3] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::spot::Start;
     use super::*;
 
     #[test]
     fn names_are_unique_and_short() {
         let mut names = TaskNames::default();
-        let mut spot = Spot {
-            piece: "kitchen_cabinet_12".into(),
-            surface: "level_1".into(),
-            number: 1,
-            piece_words: "kitchen cabinet".into(),
-            category: "kitchen_cabinet".into(),
-            room_words: "kitchen".into(),
-            side: 0,
-            inwards: [0.1, 0.2],
-            along: [0.0, 0.1],
-            depth: 0.3,
-            headroom: 0.6,
-            at: [0.0; 2],
-            stop: [0.0; 3],
-            start: Start::default(),
-            within: false,
-        };
+        let mut spot = Spot::test("kitchen_cabinet_12", "level_1");
         let first = names.give("anna-flat", &spot);
         assert_eq!(first, "anna-flat_kitchen_cabinet_12_1");
         assert_eq!(

@@ -156,6 +156,28 @@ impl Spot {
         })
     }
 
+    /// A spot in tests.
+    #[cfg(test)]
+    pub(super) fn test(piece: &str, surface: &str) -> Self {
+        Self {
+            piece: piece.into(),
+            surface: surface.into(),
+            number: 1,
+            piece_words: "table".into(),
+            category: "table".into(),
+            room_words: "kitchen".into(),
+            side: 0,
+            inwards: [0.1, 0.2],
+            along: [0.0, 0.2],
+            depth: 0.25,
+            headroom: 0.35,
+            at: [0.0; 2],
+            stop: [0.0; 3],
+            start: Start::default(),
+            within: false,
+        }
+    }
+
     /// Length of the range along the edge, metres.
     pub(super) fn length(&self) -> f64 {
         self.along[1] - self.along[0]

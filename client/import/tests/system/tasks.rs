@@ -98,7 +98,7 @@ fn each_reached_surface_has_a_task_or_a_reason() {
     assert!(found.tasks_within <= found.reached_within);
     assert!(!found.tasks.is_empty() && found.tasks.len() <= MOST);
     let pieces = check(&found);
-    assert!(pieces.contains(&"table".to_owned()), "{pieces:?}");
+    assert!(pieces.contains(&"kitchen_cabinet".to_owned()), "{pieces:?}");
     let name = &found.tasks[0];
     let task = table(&found.pack, &format!("tasks/{name}.toml"));
     let sentence = task["instructions"][0].as_str().unwrap();
@@ -130,11 +130,14 @@ fn authored_home_keeps_its_files_and_objects() {
 
 #[test]
 fn surface_without_reach_has_no_task() {
-    // A table that is higher than the arm.
-    let high = Flat::new().with("height='74'", "height='190'");
+    // A cabinet that is higher than the arm.
+    let high = Flat::new().with("height='85'", "height='190'");
     let found = added(&imported(&high));
     let pieces = check(&found);
-    assert!(!pieces.contains(&"table".to_owned()), "{pieces:?}");
+    assert!(
+        !pieces.contains(&"kitchen_cabinet".to_owned()),
+        "{pieces:?}"
+    );
 }
 
 #[test]
