@@ -82,7 +82,11 @@ pub(super) fn leaf_kind(
         }
     }
     let size = [0, 1, 2].map(|axis| (high[axis] - low[axis]).max(0.015));
-    let com = [0, 1, 2].map(|axis| 0.5 * (low[axis] + high[axis]));
+    let mut com = [0, 1, 2].map(|axis| 0.5 * (low[axis] + high[axis]));
+    if joint.kind == JointKind::Rail {
+        // Scenes demand it inside the collision shapes; a drawer only moves along x.
+        com[0] = 0.5 * ((high[0] - 0.02).max(low[0]) + high[0]);
+    }
     let volume = size[0] * size[1] * size[2];
     let mut grasps = Vec::new();
     if !joint.handle.is_empty() {
