@@ -197,7 +197,7 @@ fn list_of_server(client: &Client) -> anyhow::Result<String> {
             short(&pack.rendering_digest)
         )?;
     }
-    for words in &reply.rejected {
+    for words in &reply.problems {
         writeln!(text, "not usable: {words}")?;
     }
     if text.is_empty() {

@@ -9,7 +9,7 @@ use wheelarm_proto::defaults;
 
 use super::file::{self, AppearanceFile, Kind, Spot, Window};
 use super::irradiance::MOST_LAMPS;
-use crate::scene::SceneError;
+use crate::scene::{Scene, SceneError, parse_packed};
 
 /// Height of the centre of reflections, metres, below that of the ceiling.
 const CENTRE: f64 = 1.1;
@@ -19,11 +19,24 @@ const NEAR: f64 = 0.4;
 /// Width and height of a lamp, metres.
 const LAMP: [f64; 2] = [0.3, 0.4];
 
-/// The appearances of `home`.
+/// Name of the file in a pack.
+const OWN: &str = "appearance.toml";
+
+/// The appearances of a scene: those of its file, or derived from the rooms of its pack.
 ///
 /// # Errors
-/// When those of the built-in home are invalid.
-pub(super) fn appearances(assets: &Path, home: &HomeFile) -> Result<AppearanceFile, SceneError> {
+/// When the file, or that of the built-in home, is invalid.
+pub(super) fn for_scene(assets: &Path, scene: &Scene) -> Result<AppearanceFile, SceneError> {
+    let Some(pack) = &scene.pack else {
+        return file::load(assets, &scene.name);
+    };
+    match (pack.file(OWN), pack.home()) {
+        (None, Some(home)) => appearances(assets, home),
+        _ => file::check(assets, &pack.asset_path(OWN), parse_packed(pack, OWN)?),
+    }
+}
+
+fn appearances(assets: &Path, home: &HomeFile) -> Result<AppearanceFile, SceneError> {
     let shared = file::load(assets, defaults::SCENE)?;
     let mut rooms: Vec<&RoomEntry> = home.room.iter().collect();
     rooms.sort_by(|a, b| area(&b.outline).abs().total_cmp(&area(&a.outline).abs()));

@@ -9,7 +9,7 @@ use serde::{Deserialize, Deserializer};
 use wheelarm_proto::exact;
 
 use crate::geometry::{Family, texture};
-use crate::scene::{Place, Scene, SceneError, parse, parse_packed, provenance};
+use crate::scene::{Place, SceneError, parse, provenance};
 
 /// The file.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
@@ -218,18 +218,6 @@ fn some<'de, T: Deserialize<'de>, D: Deserializer<'de>>(from: D) -> Result<Vec<T
     Ok(list)
 }
 
-/// The appearances of a scene: those of its file, or derived from the rooms of its pack.
-pub(super) fn for_scene(assets: &Path, scene: &Scene) -> Result<AppearanceFile, SceneError> {
-    const OWN: &str = "appearance.toml";
-    let Some(pack) = &scene.pack else {
-        return load(assets, &scene.name);
-    };
-    match (pack.file(OWN), pack.home()) {
-        (None, Some(home)) => super::derive::appearances(assets, home),
-        _ => check(assets, &pack.asset_path(OWN), parse_packed(pack, OWN)?),
-    }
-}
-
 /// Reads and checks the appearances of a scene of the assets.
 pub(super) fn load(assets: &Path, scene: &str) -> Result<AppearanceFile, SceneError> {
     let path = format!("appearances/{scene}.toml");
@@ -237,7 +225,12 @@ pub(super) fn load(assets: &Path, scene: &str) -> Result<AppearanceFile, SceneEr
     check(assets, &path, file)
 }
 
-fn check(assets: &Path, path: &str, file: AppearanceFile) -> Result<AppearanceFile, SceneError> {
+/// Checks the appearances of the file at `path`.
+pub(super) fn check(
+    assets: &Path,
+    path: &str,
+    file: AppearanceFile,
+) -> Result<AppearanceFile, SceneError> {
     let place = Place::file(path);
     provenance(&place, &file.origin, &file.license)?;
     if !file.sky.iter().any(|sky| sky.strength == 1) {

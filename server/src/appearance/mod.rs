@@ -68,7 +68,7 @@ impl SampledAppearance {
     /// [`SceneError`] with the file, the line or key, the value found and the allowed
     /// values.
     pub fn new(appearance: Appearance, scene: &Scene, assets: &Path) -> Result<Self, SceneError> {
-        let file = file::for_scene(assets, scene)?;
+        let file = derive::for_scene(assets, scene)?;
         let light = light::draw(&appearance, &file, scene.lighting);
         let gain = light::exposure(&appearance);
         let mut drawn = Self {

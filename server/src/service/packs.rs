@@ -176,7 +176,7 @@ pub(super) fn list(packs: &PackStore, header: v1::Header) -> Bytes {
     for (_, path) in packs.candidates() {
         match Pack::open(&path) {
             Ok(pack) => reply.packs.push(to_proto(pack.id())),
-            Err(error) => reply.rejected.push(format!("{}: {error}", path.display())),
+            Err(error) => reply.problems.push(format!("{}: {error}", path.display())),
         }
     }
     reply.packs.sort_by(|a, b| a.name.cmp(&b.name));

@@ -268,7 +268,7 @@ fn invalid_pack_is_skipped_and_others_are_served() {
         .expect("packs");
     let names: Vec<&str> = reply.packs.iter().map(|pack| pack.name.as_str()).collect();
     assert_eq!(names, ["flat"]);
-    assert_eq!(reply.rejected.len(), 2, "{:?}", reply.rejected);
+    assert_eq!(reply.problems.len(), 2, "{:?}", reply.problems);
     // Its task is offered beside those of the assets.
     let tasks = server
         .client()

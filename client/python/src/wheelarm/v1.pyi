@@ -1451,14 +1451,14 @@ class PacksReply(_Message):
     """Stamp of the answer."""
     packs: _Messages[PackRef]
     """The packs, by name."""
-    rejected: _Scalars[str]
+    problems: _Scalars[str]
     """Packs that cannot be used, with the reason (no unit)."""
     def __init__(
         self,
         *,
         header: Header | _Mapping[str, _Any] | None = ...,
         packs: _Iterable[PackRef | _Mapping[str, _Any]] | None = ...,
-        rejected: _Iterable[str] | None = ...,
+        problems: _Iterable[str] | None = ...,
     ) -> None: ...
 
 class JointMimic(_Message):
