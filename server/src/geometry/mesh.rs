@@ -9,10 +9,9 @@ use wheelarm_proto::exact;
 pub use super::detail::Detail;
 use super::detail::drop_slivers;
 pub use super::load::load;
-use super::load::load_packed;
 use super::mesh_revolve::{Profile, revolve};
 use super::prism::prism;
-use super::{Shape, TriMesh};
+use super::{Shape, TriMesh, load_packed};
 
 /// Largest number of triangles of one mesh file.
 ///

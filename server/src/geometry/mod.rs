@@ -13,6 +13,7 @@ pub mod tetrahedra;
 pub mod texture;
 
 pub(crate) use load::check_glb_length;
+use load::load_packed;
 pub(crate) use load_normals::box_uvs;
 pub use packed_file::PackedFile;
 
