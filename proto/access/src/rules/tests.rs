@@ -68,6 +68,8 @@ const ROWS: &[Row] = &[
     (Out, Kind::Reply, "query/status", "vopra"),
     (In, Kind::Query, "query/scene", "vopra"),
     (In, Kind::Query, "query/tasks", "vopra"),
+    (In, Kind::Query, "query/packs", "vopra"),
+    (In, Kind::Query, "query/pack_put", "a"),
     (In, Kind::Query, "query/snapshot", "ra"),
     (In, Kind::Query, "query/episode", "ra"),
     (In, Kind::Query, "query/sensors", "pa"),
