@@ -494,7 +494,7 @@ impl Band<'_> {
                 }
             }
         }
-        if !(high >= low) {
+        if low > high {
             return;
         }
         polygon::reduce(&mut outline, MOST_CORNERS, 1.0e-4);
