@@ -356,15 +356,19 @@ pub(super) fn shape(solid: &Solid) -> PartEntry {
     }
 }
 
+/// Name of a surface within its kind.
+pub(super) fn surface_name(index: usize) -> String {
+    match index {
+        0 => "top".into(),
+        index => format!("level_{index}"),
+    }
+}
+
 /// A measured rectangle as an entry, approached from the front.
 fn surface(index: usize, surface: &Surface) -> SurfaceEntry {
     let (low, high) = (surface.low, surface.high);
     SurfaceEntry {
-        name: if index == 0 {
-            "top".into()
-        } else {
-            format!("level_{index}")
-        },
+        name: surface_name(index),
         edge: rounded3([high[0], 0.5 * (low[1] + high[1]), surface.height]),
         inwards_deg: 180.0,
         depth: rounded(high[0] - low[0]),

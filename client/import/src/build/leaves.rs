@@ -82,7 +82,11 @@ pub(super) fn leaf_kind(
         }
     }
     let size = [0, 1, 2].map(|axis| (high[axis] - low[axis]).max(0.015));
-    let com = [0, 1, 2].map(|axis| 0.5 * (low[axis] + high[axis]));
+    // Of a drawer its front alone collides, and the engine wants the centre inside.
+    let com = match shapes.first() {
+        Some(front) => front.middle(),
+        None => [0, 1, 2].map(|axis| 0.5 * (low[axis] + high[axis])),
+    };
     let volume = size[0] * size[1] * size[2];
     let mut grasps = Vec::new();
     if !joint.handle.is_empty() {
