@@ -57,13 +57,8 @@ impl Solid {
         let (low, high) = polygon::bounds(&self.outline);
         let whole = (high[0] - low[0]) * (high[1] - low[1]);
         let missing = whole - polygon::area(&self.outline);
-        let size = [high[0] - low[0], high[1] - low[1], self.high - self.low];
-        let middle = [
-            0.5 * (low[0] + high[0]),
-            0.5 * (low[1] + high[1]),
-            0.5 * (self.low + self.high),
-        ];
-        (missing <= 0.03 * whole && missing < 0.004).then_some((middle, size))
+        let is_box = missing <= 0.03 * whole && missing < 0.004;
+        is_box.then(|| (self.middle(), self.size()))
     }
 
     /// Middle of its extents.
@@ -75,6 +70,13 @@ impl Solid {
             0.5 * (low[1] + high[1]),
             0.5 * (self.low + self.high),
         ]
+    }
+
+    /// Lengths of its extents.
+    #[must_use]
+    pub fn size(&self) -> Point3 {
+        let (low, high) = polygon::bounds(&self.outline);
+        [high[0] - low[0], high[1] - low[1], self.high - self.low]
     }
 
     /// Widens what is thinner than a collision shape may be.

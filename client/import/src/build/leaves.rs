@@ -107,7 +107,8 @@ pub(super) fn leaf_kind(
         }
         JointKind::Rail => ([1.0, 0.0, 0.0], 2.5, 5.0, 10.0),
     };
-    let square = |axis: usize| size[axis] * size[axis];
+    let extent = shapes.first().map_or(size, Solid::size);
+    let square = |axis: usize| extent[axis] * extent[axis];
     // The smallest eigenvalues of thin plates are raised: rounding must keep
     // Ixx + Iyy >= Izz in every order.
     let inertia = [(1, 2), (0, 2), (0, 1)].map(|(a, b)| {
