@@ -49,6 +49,8 @@ pub struct Leaf {
     pub word: &'static str,
     /// Origin in the frame of the carrier, metres.
     pub at: Point3,
+    /// Collision shapes in its own frame.
+    pub solids: Vec<Solid>,
 }
 
 /// A finished kind.
@@ -239,13 +241,14 @@ impl<'a> Kinds<'a> {
                 .give(&format!("{name}_{word}_{}", joint.number), word);
             let triangles = self.store(&leaf, &mut parts);
             self.triangles.insert(leaf.clone(), triangles);
-            let entry = leaf_kind(joint, model, &fitted, parts);
+            let (entry, solids) = leaf_kind(joint, model, &fitted, parts);
             self.kinds.insert(leaf.clone(), entry);
             let at = rounded3(origin(joint, model, &fitted));
             leaves.push(Leaf {
                 kind: leaf,
                 word,
                 at,
+                solids,
             });
         }
         Ok(Built {
