@@ -24,7 +24,12 @@ fn main() -> Result<()> {
         let path = assets.join("robots").join(&name).join("reach.bin");
         let bytes = map.to_bytes();
         std::fs::write(&path, &bytes).with_context(|| path.display().to_string())?;
-        println!("{}: {} reached, {} bytes", path.display(), map.len(), bytes.len());
+        println!(
+            "{}: {} reached, {} bytes",
+            path.display(),
+            map.len(),
+            bytes.len()
+        );
     }
     Ok(())
 }

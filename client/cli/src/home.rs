@@ -9,9 +9,8 @@ use clap::{Args, Subcommand, ValueEnum};
 use wheelarm_import::{Joints, Options, Summary, import_file, slug, write};
 use wheelarm_options::packs::PackArgs;
 use wheelarm_pack::{Pack, Store};
-use wheelarm_proto::installed;
 
-use crate::home_report::{self, ReportArgs};
+use crate::home_report::{self, ReportArgs, store};
 
 /// Names of pieces that are printed for one reason.
 const MOST_NAMES: usize = 12;
@@ -89,13 +88,8 @@ pub fn run(command: &HomeCommand) -> anyhow::Result<String> {
     match command {
         HomeCommand::Import(args) => import(args),
         HomeCommand::List(args) => list(&store(&args.packs)),
-        HomeCommand::Report(args) => home_report::run(args, store(&args.packs).folders()),
+        HomeCommand::Report(args) => home_report::run(args),
     }
-}
-
-/// The packs of the folders, as servers search them.
-fn store(packs: &PackArgs) -> Store {
-    Store::search(&packs.packs, &installed::assets().unwrap_or_default())
 }
 
 fn import(args: &ImportArgs) -> anyhow::Result<String> {

@@ -30,23 +30,28 @@ pub struct ReportArgs {
     out: Option<PathBuf>,
     /// Folders of packs.
     #[command(flatten)]
-    pub(crate) packs: PackArgs,
+    packs: PackArgs,
     /// Assets folder; by default the installed one.
     #[arg(long, env = ASSETS_VARIABLE, value_name = "DIR")]
     assets: Option<PathBuf>,
 }
 
-/// Runs `wheelarm home report` with these folders of packs and returns its output.
+/// The packs of the folders, as servers search them.
+pub(crate) fn store(packs: &PackArgs) -> Store {
+    Store::search(&packs.packs, &installed::assets().unwrap_or_default())
+}
+
+/// Runs `wheelarm home report` and returns its output.
 ///
 /// # Errors
 /// When the pack or the robot cannot be read, or a file cannot be written. A home that the
 /// chair cannot enter is not an error.
-pub fn run(args: &ReportArgs, folders: &[PathBuf]) -> anyhow::Result<String> {
+pub fn run(args: &ReportArgs) -> anyhow::Result<String> {
     let assets = args.assets.clone().or_else(installed::assets);
     let assets = assets.with_context(|| {
         format!("no assets folder found; name it: export {ASSETS_VARIABLE}=…/assets")
     })?;
-    let home = Home::from_pack(&open(&args.home, folders)?)?;
+    let home = Home::from_pack(&open(&args.home, &store(&args.packs))?)?;
     let robot = RobotFacts::read(&assets, &args.robot, args.posture)?;
     let finding = Finding::new(&home, &robot);
     let words = text(&finding.report)?;
@@ -83,16 +88,16 @@ pub fn run(args: &ReportArgs, folders: &[PathBuf]) -> anyhow::Result<String> {
 }
 
 /// The pack of this name in the folders, or at this path.
-fn open(home: &str, folders: &[PathBuf]) -> anyhow::Result<Pack> {
+fn open(home: &str, store: &Store) -> anyhow::Result<Pack> {
     let path = Path::new(home);
     if path.exists() {
         return Ok(Pack::open(path)?);
     }
-    let store = Store::new(folders.to_vec());
     let pack = store.open(home)?;
     pack.with_context(|| {
         let names: Vec<String> = store.names().into_iter().collect();
-        let folders: Vec<String> = folders.iter().map(|f| f.display().to_string()).collect();
+        let folders = store.folders().iter();
+        let folders: Vec<String> = folders.map(|f| f.display().to_string()).collect();
         format!(
             "no pack {home:?} in {}; available: {}; name a folder with --packs, or import a home with `wheelarm home import FILE.sh3d`",
             folders.join(", "),
@@ -108,7 +113,7 @@ mod tests {
     #[test]
     fn unknown_home_names_folders_and_the_next_step() {
         let folder = tempfile::tempdir().unwrap();
-        let error = open("nowhere", &[folder.path().to_owned()]).unwrap_err();
+        let error = open("nowhere", &Store::new(vec![folder.path().to_owned()])).unwrap_err();
         let words = error.to_string();
         assert!(words.contains("nowhere"), "{words}");
         assert!(words.contains("wheelarm home import"), "{words}");
@@ -127,7 +132,7 @@ mod tests {
             packs: PackArgs::default(),
             assets: Some(root.join("assets")),
         };
-        let text = run(&args, &[]).unwrap();
+        let text = run(&args).unwrap();
         assert!(
             text.contains("rooms") && text.contains("surfaces"),
             "{text}"
@@ -138,7 +143,7 @@ mod tests {
             assert!(bytes.len() > 100, "{name}");
         }
         args.json = true;
-        let json: serde_json::Value = serde_json::from_str(&run(&args, &[]).unwrap()).unwrap();
+        let json: serde_json::Value = serde_json::from_str(&run(&args).unwrap()).unwrap();
         assert_eq!(json["robot"]["posture"], "travel");
     }
 }

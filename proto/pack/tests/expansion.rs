@@ -149,7 +149,7 @@ fn shapes_that_cannot_be_scaled_unevenly_are_rejected() {
 fn invalid_homes_are_rejected_with_place_and_fix() {
     for (from, to, words) in [
         ("wall = 1\n", "wall = 9\n", "opening[0].wall is 9"),
-        ("at = 1.5\n", "at = 3.5\n", "opening[0].at is 3.5 m"),
+        ("at = 1.5\n", "at = 4.5\n", "opening[0].at is 4.5 m"),
         (
             "kind = \"table\"",
             "kind = \"tabel\"",

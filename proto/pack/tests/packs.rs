@@ -79,7 +79,7 @@ fn digests_follow_values_and_not_their_spelling() {
         (
             "kinds/table.toml",
             "category = \"table\"",
-            "category = \"desk\"",
+            "category = \"bench\"",
             true,
             false,
         ),
@@ -126,7 +126,7 @@ fn digests_follow_values_and_not_their_spelling() {
 }
 
 /// First digits of the physics digest of the flat.
-const PHYSICS: &str = "????????????????";
+const PHYSICS: &str = "eca00fe2773c02f8";
 
 #[test]
 fn tables_written_by_a_program_are_read_again() {
@@ -223,10 +223,7 @@ fn links_in_zip_files_and_folders_are_rejected() {
 #[test]
 fn zip_bombs_are_rejected_before_they_are_unpacked() {
     let zeros = vec![0; 20 << 20];
-    let bomb = zipped(&[
-        ("pack.toml", common::MANIFEST.as_bytes()),
-        ("plan.png", &zeros),
-    ]);
+    let bomb = zipped(&[("pack.toml", b"format = 1"), ("plan.png", &zeros)]);
     assert!(bomb.len() < 100_000);
     let error = Pack::from_zip(&bomb).unwrap_err().to_string();
     assert!(error.contains("compression"), "{error}");

@@ -235,6 +235,33 @@ mod tests {
         }
     }
 
+    /// The chair drives in it: the arm must keep away from chair and itself there, and on the
+    /// straight way home, and stay within the outlines of the posture.
+    #[test]
+    fn travel_postures_are_clear_of_chair_and_arm_up_to_home() {
+        let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
+        let model = RobotModel::load(&assets, "wheelarm").expect("a robot");
+        let travel = model.settings.travel.as_ref().expect("a travel posture");
+        let surface = model.arm_surface();
+        let home = model.settings.home;
+        for step in 0..=20 {
+            let share = f64::from(step) / 20.0;
+            let arm =
+                std::array::from_fn(|i| travel.joints[i] + (home[i] - travel.joints[i]) * share);
+            let poses = model.poses_at(&arm);
+            let gap = surface.distance(&model, &poses);
+            assert!(gap > 0.05, "{gap} m at {share}");
+        }
+        let poses = model.poses_at(&travel.joints);
+        for point in surface.placed(&poses) {
+            let outline = travel.outlines.iter().find(|o| point.z <= o.top);
+            let [back, front, right, left] = outline.expect("an outline").footprint;
+            let is_within = (back - 0.004..=front + 0.004).contains(&point.x)
+                && (right - 0.004..=left + 0.004).contains(&point.y);
+            assert!(is_within, "{point:?}");
+        }
+    }
+
     #[test]
     fn distances_are_signed() {
         let cuboid = Shape::Cuboid { half: [1.0; 3] };

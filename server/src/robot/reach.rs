@@ -114,12 +114,20 @@ mod tests {
             for entry in (0..Entry::COUNT).step_by(1013).map(Entry::numbered) {
                 let pose = hand_pose(&entry.place(), model.settings.tool_length);
                 let is_solved = kinematics.solve(&pose, &model.settings.home).is_ok();
-                assert!(is_solved || !map.contains(entry), "{}: {entry:?}", model.name);
+                assert!(
+                    is_solved || !map.contains(entry),
+                    "{}: {entry:?}",
+                    model.name
+                );
                 reached += usize::from(map.contains(entry));
                 missed += usize::from(is_solved && !map.contains(entry));
             }
             assert!(reached > 100, "{}: {reached}", model.name);
-            assert!(50 * missed <= reached, "{}: {missed} of {reached}", model.name);
+            assert!(
+                50 * missed <= reached,
+                "{}: {missed} of {reached}",
+                model.name
+            );
         }
     }
 

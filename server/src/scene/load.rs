@@ -30,34 +30,8 @@ impl Scene {
         Self::from_file(assets, None, name, &path, &file)
     }
 
-    /// The home of a world pack. Materials and objects that the pack lacks are those of the
-    /// assets.
-    ///
-    /// # Errors
-    /// When the pack has no home, or a value is invalid.
-    pub fn from_pack(assets: &Path, pack: &Arc<Pack>) -> Result<Self, SceneError> {
-        let name = &pack.id().name;
-        let path = pack.asset_path("home.toml");
-        let Some(home) = pack.home() else {
-            return Err(Place::file(&path).key("home.toml").wrong(
-                "absent",
-                "a pack with a home",
-                "name another scene: this pack has furniture or objects only",
-            ));
-        };
-        let file = SceneFile {
-            origin: home.origin.clone(),
-            license: home.license.clone(),
-            light: home.light.clone(),
-            room_camera: home.room_camera.clone(),
-            start: home.start.clone(),
-            furniture: pack.furniture().map_err(Box::new)?,
-            object: home.object.clone(),
-        };
-        Self::from_file(assets, Some(pack), name, &path, &file)
-    }
-
-    fn from_file(
+    /// The scene of a file at `path`, of the assets or of a pack.
+    pub(super) fn from_file(
         assets: &Path,
         pack: Option<&Arc<Pack>>,
         name: &str,

@@ -11,6 +11,7 @@ mod folder;
 mod load;
 mod material;
 mod object;
+mod packed;
 mod part;
 mod soft;
 

@@ -59,10 +59,11 @@ fn every_object_file_loads_and_every_asset_names_origin_and_licence() {
             );
         }
     }
-    let materials = material::library(&assets()).unwrap();
+    let materials = material::library(&assets(), None).unwrap();
     for kind in names(&assets(), "objects").unwrap() {
         let reader = part::Reader {
             assets: &assets(),
+            pack: None,
             materials: &materials,
         };
         let body = object::read(&reader, &kind).unwrap_or_else(|error| panic!("{error}"));

@@ -62,7 +62,7 @@ pub(super) fn texts(sim: &Simulation) -> Result<Vec<v1::AssetText>, String> {
     if let Some(person) = sim.person() {
         paths.extend(people::files(&person.drawn));
     }
-    // A pack is stored whole; texts of its task and area are listed for readers of texts.
+    // A pack is stored whole; texts about it are listed for readers of texts.
     let pack = sim.scene().pack.as_deref();
     let (packed, paths): (Vec<_>, Vec<_>) = paths
         .into_iter()
@@ -75,7 +75,8 @@ pub(super) fn texts(sim: &Simulation) -> Result<Vec<v1::AssetText>, String> {
         path,
     });
     let texts = scene::texts(sim.assets(), &paths).map_err(|e| e.to_string())?;
-    let texts = texts.into_iter().chain(packed);
+    let scene_texts = sim.scene().packed_texts();
+    let texts = texts.into_iter().chain(packed).chain(scene_texts);
     Ok(texts
         .map(|a| v1::AssetText {
             path: a.path,

@@ -8,7 +8,8 @@ use super::convert;
 use crate::geometry::Shape;
 use crate::robot::control::GripperMap;
 use crate::robot::{
-    FrameRole, Joint, JointKind, JointRole, OutlineSettings, PAD, RecordedJoint, RobotModel, Settings,
+    FrameRole, Joint, JointKind, JointRole, OutlineSettings, PAD, RecordedJoint, RobotModel,
+    Settings,
 };
 use crate::scene::RoomCamera;
 

@@ -14,8 +14,10 @@ use crate::sim::{PackRequest, Scenario, ScenePack};
 
 /// Largest piece of a pack, bytes.
 pub(super) const MOST_PIECE: usize = 256 << 10;
-/// Largest number of packs in the folder of received packs.
+/// Largest number of packs in the folders of a server that receives packs.
 const MOST_STORED: usize = 256;
+/// Largest total size of the zip files in these folders, bytes.
+const MOST_STORED_BYTES: u64 = 4 << 30;
 
 /// Opens the pack of a scenario's scene, unless the scene is one of the assets or its pack is
 /// open.
@@ -272,10 +274,19 @@ pub(super) fn store(
             "this server has no folder for packs; start it with --packs DIR".to_owned(),
         ));
     };
-    if packs.candidates().len() >= MOST_STORED {
+    let stored = packs.candidates();
+    let sizes = stored
+        .iter()
+        .filter_map(|(_, path)| std::fs::metadata(path).ok());
+    let bytes: u64 = sizes
+        .filter(|about| about.is_file())
+        .map(|about| about.len())
+        .sum();
+    if stored.len() >= MOST_STORED || bytes + zip.len() as u64 > MOST_STORED_BYTES {
         return Err(denied(format!(
-            "{} packs are stored, at most {MOST_STORED} are accepted; remove some from {}",
-            packs.candidates().len(),
+            "{} packs of {bytes} bytes are stored, at most {MOST_STORED} of together \
+             {MOST_STORED_BYTES} bytes are accepted; remove some from {}",
+            stored.len(),
             folders(packs)
         )));
     }

@@ -11,6 +11,7 @@ use wheelarm_dataset::compress::Deflate;
 use wheelarm_dataset::compress::depth::to_millimetres;
 use wheelarm_dataset::read::{Camera, Episode};
 use wheelarm_dataset::validate::validate;
+use wheelarm_pack::Store;
 use wheelarm_proto::keys::Keys;
 use wheelarm_proto::settings::{Depth, Named, Pacing, Quality};
 use wheelarm_proto::v1;
@@ -51,6 +52,7 @@ fn record(depth: Depth, out: &Path) -> PathBuf {
         no_cameras: false,
         depth,
         access: v1::Access::Local,
+        packs: Store::search(&[], &root().join("assets")),
     };
     let runtime = Runtime::new().expect("a runtime");
     let session = service::session::within().expect("a session");

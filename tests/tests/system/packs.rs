@@ -10,7 +10,11 @@ use std::sync::Arc;
 use wheelarm_dataset::read::Episode;
 use wheelarm_pack::{Pack, Store, to_hex};
 use wheelarm_proto::v1;
+use wheelarm_server::appearance::{Appearance, SampledAppearance};
+use wheelarm_server::robot::RobotModel;
 use wheelarm_server::scene::Scene;
+use wheelarm_server::sensors::camera::RenderScene;
+use wheelarm_server::tasks;
 use wheelarm_tests::{Server, printed, program, root};
 
 /// The files of tests/data/flat, with an image of its own on the tiles.
@@ -119,6 +123,10 @@ fn recording_in_a_pack_replays_without_its_folder_with_equal_hashes_and_images()
     }
     succeeds(&none, &["dataset", "validate", &path]);
 
+    // Labels know furniture and objects of the pack from the texts of the recording.
+    let labels = text(&place.path().join("labels"));
+    succeeds(&none, &["dataset", "annotate", &path, "--out", &labels]);
+
     // And it can be taken out of the recording.
     let out_text = text(&out);
     succeeds(&none, &["pack", "extract", &path, "--out", &out_text]);
@@ -210,7 +218,7 @@ fn sent_pack_is_stored_by_digest_and_serves_as_a_scene() {
     let stored = Store::new(vec![store.clone()]).open("flat");
     assert_eq!(stored.expect("a pack").expect("one").id(), flat().id());
 
-    // Files that are no packs, or have other names, are not stored.
+    // Other files and packs with the name of a scene are not stored.
     let client = server.client();
     let put = |zip: &[u8], digest: &str| {
         client.request(&v1::PackPutRequest {
@@ -302,4 +310,73 @@ fn hulls_of_a_pack_have_boxes_and_its_doors_hinges() {
     let own: Vec<_> = own.filter(|texture| texture.file.is_some()).collect();
     assert!(!own.is_empty());
     assert!(own.iter().all(|t| t.pattern == "packs/flat/textures/own"));
+}
+
+/// The assets with folders of its own for areas and tasks.
+fn assets_with_own_tasks(folder: &Path) -> PathBuf {
+    let assets = folder.join("assets");
+    for name in ["areas", "tasks"] {
+        fs::create_dir_all(assets.join(name)).expect("a folder");
+        let entries = fs::read_dir(root().join("assets").join(name)).expect("a folder");
+        for entry in entries.flatten() {
+            let to = assets.join(name).join(entry.file_name());
+            fs::copy(entry.path(), to).expect("a copy");
+        }
+    }
+    for entry in fs::read_dir(root().join("assets"))
+        .expect("the assets")
+        .flatten()
+    {
+        let to = assets.join(entry.file_name());
+        if !to.exists() {
+            std::os::unix::fs::symlink(entry.path(), to).expect("a link");
+        }
+    }
+    assets
+}
+
+#[test]
+fn invalid_task_or_area_costs_only_itself() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let assets = assets_with_own_tasks(folder.path());
+    let model = RobotModel::load(&assets, "wheelarm").expect("the robot");
+    let hand = model.settings.gripper.corridor;
+    let names = || -> Vec<String> {
+        let usable = tasks::usable(&assets, None, &hand).expect("tasks");
+        usable.into_iter().map(|task| task.name).collect()
+    };
+    assert_eq!(names(), wheelarm_tests::TASKS);
+    fs::write(assets.join("areas/workstation.toml"), "scene = 3").expect("a file");
+    fs::write(assets.join("tasks/pick_bowl.toml"), "area = []").expect("a file");
+    let left = names();
+    let gone = ["open_drawer", "close_drawer", "pick_bowl"];
+    let expected = wheelarm_tests::TASKS.into_iter();
+    let expected: Vec<&str> = expected.filter(|name| !gone.contains(name)).collect();
+    assert_eq!(left, expected);
+    assert!(tasks::list(&assets, &hand).is_err());
+}
+
+#[test]
+fn home_of_a_pack_has_appearances_without_a_file() {
+    let assets = root().join("assets");
+    let scene = Scene::from_pack(&assets, &Arc::new(flat())).expect("a scene");
+    let appearance = |seed| Appearance {
+        seed,
+        light: 3,
+        background: 3,
+        materials: 3,
+        exposure: 3,
+        decoration: 3,
+        ..Appearance::default()
+    };
+    let model = RobotModel::load(&assets, "wheelarm").expect("the robot");
+    let looks = [1, 2].map(|seed| {
+        SampledAppearance::new(appearance(seed), &scene, &assets).expect("an appearance")
+    });
+    assert_ne!(looks[0], looks[1]);
+    for look in &looks {
+        // The hall has no ceiling: only the kitchen can have a lamp.
+        assert!(look.decoration.len() <= 1, "{:?}", look.decoration);
+        RenderScene::with_appearance(&model, &scene, &assets, Some(look)).expect("a scene");
+    }
 }

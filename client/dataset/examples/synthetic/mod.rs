@@ -431,6 +431,7 @@ pub fn snapshot() -> v1::SnapshotReply {
                 name: "mustard".into(),
             },
         ],
+        packs: Vec::new(),
     }
 }
 

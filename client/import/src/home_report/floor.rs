@@ -34,7 +34,7 @@ impl Floor {
         let rooms: Vec<&Room> = home.rooms.iter().filter(|r| !r.is_outdoors()).collect();
         if !rooms.is_empty() {
             let passages: Vec<&Opening> = home.openings.iter().filter(|o| o.is_passage()).collect();
-            let is_in_passage = |at| passages.iter().any(|passage| passage.contains(at, NEAR));
+            let is_in_passage = |at| passages.iter().any(|passage| is_in(passage, at));
             map.confine(&|at| is_inside(&rooms, at) || is_in_passage(at));
         }
         let map = Arc::new(map);
@@ -61,6 +61,12 @@ pub fn footprint(home: &Home, robot: &RobotFacts) -> FootprintCheck {
         footprint.put(solid.outline, solid.heights);
     }
     footprint
+}
+
+/// Whether a point is in the passage through a wall.
+fn is_in(passage: &Opening, at: [f64; 2]) -> bool {
+    let [along, across] = passage.offset(at).map(f64::abs);
+    along <= passage.width / 2.0 && across <= passage.thickness / 2.0 + NEAR
 }
 
 /// Whether a point is in one of the rooms, or beside one.

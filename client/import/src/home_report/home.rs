@@ -187,13 +187,12 @@ impl Opening {
 }
 
 impl Opening {
-    /// Whether a point is in the passage through the wall, or before it by `near` metres.
+    /// A point from the middle of the opening: along the wall and across it, metres.
     #[must_use]
-    pub fn contains(&self, at: [f64; 2], near: f64) -> bool {
+    pub fn offset(&self, at: [f64; 2]) -> [f64; 2] {
         let [x, y] = [0, 1].map(|i| at[i] - self.centre[i]);
         let [c, s] = self.along;
-        let (along, across) = (x * c + y * s, y * c - x * s);
-        along.abs() <= self.width / 2.0 && across.abs() <= self.thickness / 2.0 + near
+        [x * c + y * s, y * c - x * s]
     }
 }
 

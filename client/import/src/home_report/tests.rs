@@ -164,7 +164,6 @@ fn a_door_too_narrow_by_a_centimetre_keeps_the_chair_out() {
         let door = &report.doors[0];
         assert!((door.clear_width - width).abs() < 1e-9);
         assert_eq!(door.din_barrier_free, width > 0.799);
-        eprintln!("DBG {width} {:?} {:?}", report.rooms, report.start);
         assert_eq!(door.passed, report.rooms[1].entered, "door of {width} m");
         door.passed
     };

@@ -11,7 +11,7 @@ use super::scene::{LightEntry, ObjectEntry, RoomCameraEntry, StartEntry};
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct HomeFile {
-    /// Where the home comes from.
+    /// Origin of the home.
     pub origin: String,
     /// Its license: SPDX identifier or `unknown`.
     pub license: String,

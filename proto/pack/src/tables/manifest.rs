@@ -34,7 +34,7 @@ pub struct SourceEntry {
     pub author: String,
     /// SPDX identifier, or [`UNKNOWN`].
     pub license: String,
-    /// Where it comes from.
+    /// Origin.
     #[serde(default)]
     pub origin: String,
 }

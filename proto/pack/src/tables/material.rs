@@ -10,7 +10,7 @@ use super::part::is_default;
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct MaterialFile {
-    /// Where the materials come from.
+    /// Origin of the materials.
     pub origin: String,
     /// Their license.
     pub license: String,

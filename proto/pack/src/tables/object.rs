@@ -8,7 +8,7 @@ use super::part::{PartEntry, is_default};
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectFile {
-    /// Where the object comes from.
+    /// Origin of the object.
     pub origin: String,
     /// Its license.
     pub license: String,

@@ -9,7 +9,7 @@ use super::part::{PartEntry, is_default};
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneFile {
-    /// Where the scene comes from.
+    /// Origin of the scene.
     pub origin: String,
     /// Its license.
     pub license: String,

@@ -103,6 +103,7 @@ fn scene(furniture: Vec<Body>, objects: Vec<Body>) -> (Scene, Vec<Placement>) {
         .collect();
     let scene = Scene {
         name: "laws".into(),
+        pack: None,
         furniture,
         objects,
         surfaces: Vec::new(),

@@ -1,0 +1,76 @@
+//! Scenes of world packs, and the texts about them that recordings list.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use wheelarm_pack::{FurnitureEntry, Pack};
+
+use super::error::{Place, SceneError};
+use super::file::SceneFile;
+use super::{AssetText, Scene};
+
+impl Scene {
+    /// The home of a world pack. Materials and objects that the pack lacks are those of the
+    /// assets.
+    ///
+    /// # Errors
+    /// When the pack has no home, or a value is invalid.
+    pub fn from_pack(assets: &Path, pack: &Arc<Pack>) -> Result<Self, SceneError> {
+        let name = &pack.id().name;
+        let path = pack.asset_path("home.toml");
+        let file = scene_file(pack)?;
+        Self::from_file(assets, Some(pack), name, &path, &file)
+    }
+
+    /// Texts for readers of recordings that need no shapes: the scene as a scene file without
+    /// parts, and the objects of the pack. Empty for a scene of the assets.
+    #[must_use]
+    pub fn packed_texts(&self) -> Vec<AssetText> {
+        let Some((pack, Ok(file))) = self.pack.as_ref().map(|pack| (pack, scene_file(pack))) else {
+            return Vec::new();
+        };
+        let outline = SceneFile {
+            furniture: file.furniture.into_iter().map(without_shapes).collect(),
+            ..file
+        };
+        let scene = toml::to_string(&outline).ok().map(|text| AssetText {
+            path: format!("scenes/{}.toml", self.name),
+            text,
+        });
+        let objects = pack.names("objects", "toml").filter_map(|name| {
+            let path = format!("objects/{name}.toml");
+            let text = String::from_utf8_lossy(pack.file(&path)?).into_owned();
+            Some(AssetText { path, text })
+        });
+        scene.into_iter().chain(objects).collect()
+    }
+}
+
+/// The home of a pack as a scene file.
+fn scene_file(pack: &Pack) -> Result<SceneFile, SceneError> {
+    let path = pack.asset_path("home.toml");
+    let Some(home) = pack.home() else {
+        return Err(Place::file(&path).key("home.toml").wrong(
+            "absent",
+            "a pack with a home",
+            "name another scene: this pack has furniture or objects only",
+        ));
+    };
+    Ok(SceneFile {
+        origin: home.origin.clone(),
+        license: home.license.clone(),
+        light: home.light.clone(),
+        room_camera: home.room_camera.clone(),
+        start: home.start.clone(),
+        furniture: pack.furniture().map_err(Box::new)?,
+        object: home.object.clone(),
+    })
+}
+
+fn without_shapes(furniture: FurnitureEntry) -> FurnitureEntry {
+    FurnitureEntry {
+        parts: Vec::new(),
+        collision: None,
+        ..furniture
+    }
+}
