@@ -6,9 +6,12 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use clap::{Args, Subcommand, ValueEnum};
-use wheelarm_import::{Joints, Options, Summary, import_file, slug, write};
+use wheelarm_import::home_report::{Posture, RobotFacts};
+use wheelarm_import::home_tasks::TaskRobot;
+use wheelarm_import::{Joints, Options, Summary, home_tasks, import_file, slug, write};
 use wheelarm_options::packs::PackArgs;
 use wheelarm_pack::{Pack, Store};
+use wheelarm_proto::installed::{self, ASSETS_VARIABLE};
 
 use crate::home_report::{self, ReportArgs, store};
 
@@ -52,6 +55,15 @@ pub struct ImportArgs {
     /// Doors and drawers of furniture that move.
     #[arg(long, value_enum, default_value_t = JointsOption::All)]
     joints: JointsOption,
+    /// Tasks: a lift from each surface that the robot reaches, at most 24.
+    #[arg(long, value_enum, default_value_t = TasksOption::All)]
+    tasks: TasksOption,
+    /// Robot of the tasks, a folder in assets/robots.
+    #[arg(long, default_value = "wheelarm")]
+    robot: String,
+    /// Posture of the arm in which the scripted operator drives: home or travel.
+    #[arg(long, default_value = "home")]
+    posture: Posture,
     /// License of the home when the file states none, for example CC-BY-4.0.
     #[arg(long, alias = "license", value_name = "TEXT")]
     licence: Option<String>,
@@ -61,6 +73,18 @@ pub struct ImportArgs {
     /// Folders of packs.
     #[command(flatten)]
     packs: PackArgs,
+    /// Assets folder; by default the installed one.
+    #[arg(long, env = ASSETS_VARIABLE, value_name = "DIR")]
+    assets: Option<PathBuf>,
+}
+
+/// Values of --tasks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum TasksOption {
+    /// One for each reached surface.
+    All,
+    /// None.
+    None,
 }
 
 /// Values of --joints.
@@ -117,9 +141,11 @@ fn import(args: &ImportArgs) -> anyhow::Result<String> {
             .first()
             .context("no folder of packs is known; name one with --out")?,
     };
-    let path = write(&imported.pack, folder)?;
     let mut text = describe(&options.name, &imported.summary)?;
-    writeln!(text, "digests: {}", imported.pack.id())?;
+    let (pack, tasks) = with_tasks(args, imported.pack)?;
+    text.push_str(&tasks);
+    let path = write(&pack, folder)?;
+    writeln!(text, "digests: {}", pack.id())?;
     writeln!(text, "written: {}", path.display())?;
     let packs = match &args.out {
         Some(out) => format!(" --packs {}", out.display()),
@@ -128,6 +154,44 @@ fn import(args: &ImportArgs) -> anyhow::Result<String> {
     let name = &options.name;
     writeln!(text, "next: wheelarm-server{packs} --scene {name}")?;
     Ok(text)
+}
+
+/// The pack with its tasks, and what was added, as text. Without the assets of the robot the
+/// home has no tasks.
+fn with_tasks(args: &ImportArgs, pack: Pack) -> anyhow::Result<(Pack, String)> {
+    if args.tasks == TasksOption::None {
+        return Ok((pack, String::new()));
+    }
+    let Some(assets) = args.assets.clone().or_else(installed::assets) else {
+        let note = format!(
+            "note: no tasks: no assets folder found; name it: export {ASSETS_VARIABLE}=…/assets\n"
+        );
+        return Ok((pack, note));
+    };
+    let read = |posture| RobotFacts::read(&assets, &args.robot, posture);
+    let found = match (read(args.posture), read(Posture::Home)) {
+        (Ok(drives), Ok(starts)) => {
+            let (drives, starts) = (&drives, &starts);
+            home_tasks::add(&pack, TaskRobot { drives, starts })?
+        }
+        (Err(error), _) | (_, Err(error)) => {
+            return Ok((pack, format!("note: no tasks: {error}\n")));
+        }
+    };
+    let mut text = format!(
+        "{} of {} surfaces reached, {} more from a start in their room; {} tasks\n",
+        found.reached,
+        found.surfaces,
+        found.reached_within,
+        found.tasks.len()
+    );
+    for name in &found.tasks {
+        writeln!(text, "task: {name}")?;
+    }
+    for skipped in &found.skipped {
+        writeln!(text, "no task: {}: {}", skipped.surface, skipped.reason)?;
+    }
+    Ok((found.pack, text))
 }
 
 /// What an import did, as text.

@@ -1,32 +1,49 @@
-//! Imports a home: `import_home FILE.sh3d NAME FOLDER`.
+//! Imports a home with its tasks: `import_home FILE.sh3d NAME FOLDER [ASSETS]`. Without the
+//! assets folder the pack has no tasks.
 
 use std::path::Path;
 use std::process::ExitCode;
 
-use wheelarm_import::{Options, import_file, write};
+use wheelarm_import::home_report::{Posture, RobotFacts};
+use wheelarm_import::home_tasks::TaskRobot;
+use wheelarm_import::{Options, home_tasks, import_file, write};
 
 fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).collect();
-    let [file, name, folder] = words.as_slice() else {
-        eprintln!("usage: import_home FILE.sh3d NAME FOLDER");
-        return ExitCode::from(2);
+    match run(&words) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(words: &[String]) -> Result<(), Box<dyn std::error::Error>> {
+    let [file, name, folder, assets @ ..] = words else {
+        return Err("usage: import_home FILE.sh3d NAME FOLDER [ASSETS]".into());
     };
     let options = Options {
         name: name.clone(),
         ..Options::default()
     };
-    let imported = match import_file(Path::new(file), &options) {
-        Ok(imported) => imported,
-        Err(error) => {
-            eprintln!("error: {error}");
-            return ExitCode::FAILURE;
-        }
-    };
-    let summary = &imported.summary;
-    println!("{} {summary:#?}", imported.pack.id());
-    if let Err(error) = write(&imported.pack, Path::new(folder)) {
-        eprintln!("error: {error}");
-        return ExitCode::FAILURE;
+    let imported = import_file(Path::new(file), &options)?;
+    println!("{:#?}", imported.summary);
+    let mut pack = imported.pack;
+    if let Some(assets) = assets.first() {
+        let robot = RobotFacts::read(Path::new(assets), "wheelarm", Posture::Home)?;
+        let robot = TaskRobot {
+            drives: &robot,
+            starts: &robot,
+        };
+        let found = home_tasks::add(&pack, robot)?;
+        println!(
+            "{} and {} of {} surfaces reached, tasks: {:#?}, without a task: {:#?}",
+            found.reached, found.reached_within, found.surfaces, found.tasks, found.skipped
+        );
+        pack = found.pack;
     }
-    ExitCode::SUCCESS
+    println!("{}", pack.id());
+    write(&pack, Path::new(folder))?;
+    Ok(())
 }

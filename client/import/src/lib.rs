@@ -1,5 +1,5 @@
 //! Imports homes of Sweet Home 3D (`.sh3d`) as world packs, and reports what a robot reaches
-//! in a home ([`home_report`]).
+//! in a home ([`home_report`]), and adds tasks ([`home_tasks`]).
 //!
 //! ```text
 //! archive ─► sh3d (Home.xml) ─► plan: level, walls, openings ─► rooms
@@ -20,6 +20,7 @@ mod error;
 mod fit;
 mod glb;
 pub mod home_report;
+pub mod home_tasks;
 mod joints;
 mod model;
 mod paint;

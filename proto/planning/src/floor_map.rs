@@ -23,6 +23,9 @@ use super::nearby::Nearby;
 /// Clearance that a chair keeps while it drives, where its start and goal allow it, metres.
 /// Sampling, the scripted operator and the report on a home use the same.
 pub const DRIVE_CLEARANCE: f64 = 0.05;
+/// Clearance with the arm in the travel posture, where [`DRIVE_CLEARANCE`] leaves no way,
+/// metres.
+pub const STOWED_CLEARANCE: f64 = 0.025;
 /// Clearance that a chair keeps where it stops to use its arm, metres.
 pub const STOP_CLEARANCE: f64 = 0.045;
 

@@ -47,6 +47,14 @@ impl Reached {
         Self { map, parts }
     }
 
+    /// All connected parts: what some chair gets to that starts in them.
+    #[must_use]
+    pub fn all(map: Arc<FloorMap>) -> Self {
+        let parts = (1..=map.parts().sizes().len()).map(|part| part as u16);
+        let parts = parts.collect();
+        Self { map, parts }
+    }
+
     /// The map.
     #[must_use]
     pub fn map(&self) -> &Arc<FloorMap> {

@@ -1,5 +1,8 @@
 //! Navigate: looks for a base placement and a path to it, drives there, waits
 //! until the chair is at rest.
+//!
+//! The arm stays home on the way. Where the chair finds no place or no path with it, and the
+//! robot has a travel posture, the arm is stowed first and comes home at the stop.
 
 use std::collections::BTreeSet;
 
@@ -7,6 +10,7 @@ use nalgebra::{Isometry3, Translation3};
 use wheelarm_proto::v1::Phase;
 
 use super::prepare::Prepare;
+use super::stow::Stow;
 use super::{Act, Now, Skill, Step};
 use crate::base_placement::{self, BasePlacement};
 use crate::demonstration::adapt;
@@ -14,7 +18,8 @@ use crate::drive::Drive;
 use crate::goal::Goal;
 use crate::grasp_candidate::{GraspCandidate, MARGINS};
 use crate::habits::Habits;
-use wheelarm_planning::floor_map::STOP_CLEARANCE;
+use crate::scene::SceneModel;
+use wheelarm_planning::floor_map::{STOP_CLEARANCE, STOWED_CLEARANCE};
 use wheelarm_planning::footprint_check::{FootprintCheck, Pose2};
 use wheelarm_planning::hybrid_a_star::{DriveGoal, Segment};
 use wheelarm_planning::route_planner::RoutePlanner;
@@ -38,6 +43,8 @@ const LEFT: [f64; 2] = [0.12, 0.25];
 const STRAIGHTS: [f64; 3] = [0.35, 0.2, 0.08];
 /// Radii of arcs that are tried, as shares of the operator profile's.
 const ARCS: [f64; 2] = [1.0, 0.75];
+/// Longest time of the arm into the travel posture or home, seconds.
+const FOLDING: f64 = 15.0;
 /// Spacing of the collision checks along the straight segment, metres.
 const SPACING: f64 = 0.04;
 
@@ -53,12 +60,21 @@ pub enum Purpose {
 #[derive(Clone, Debug)]
 enum State {
     Plan,
+    /// The arm moves into the travel posture before the drive.
+    Fold {
+        drive: Drive,
+        since: f64,
+    },
     Drive {
         drive: Drive,
         begun: f64,
         prepare: Option<Prepare>,
     },
     Rest {
+        since: f64,
+    },
+    /// The arm comes home after a drive in the travel posture.
+    Unfold {
         since: f64,
     },
 }
@@ -68,6 +84,8 @@ enum State {
 pub struct Navigate {
     purpose: Purpose,
     state: State,
+    /// The chair drives with the arm in the travel posture.
+    is_stowed: bool,
 }
 
 impl Navigate {
@@ -77,37 +95,100 @@ impl Navigate {
         Self {
             purpose,
             state: State::Plan,
+            is_stowed: false,
         }
     }
 
     fn plan(&mut self, now: &mut Now<'_>) -> Step {
-        match find(now, self.purpose) {
-            Ok((drive, candidate)) => {
-                let stop = drive.goal();
-                now.note(format!(
-                    "drives to ({:.2}, {:.2}) heading {:.0}° in {:.1} s",
-                    stop.x,
-                    stop.y,
-                    stop.heading.to_degrees(),
-                    drive.duration()
-                ));
-                let prepare = match self.purpose {
-                    Purpose::Put => None,
-                    Purpose::Take => {
-                        now.memory.planned = Some(now.object().inv_mul(&candidate.grasp));
-                        let at = base_placement::standing(&stop);
-                        Prepare::plan(now, &at, &candidate, drive.duration())
-                    }
-                };
-                self.state = State::Drive {
-                    drive,
-                    begun: now.observation.time,
-                    prepare,
-                };
-                Step::Going(Act::named(Phase::Navigating, "planning"))
+        let (drive, candidate) = match find(now, self.purpose) {
+            Ok(found) => found,
+            Err(why) => match self.find_stowed(now) {
+                Some(found) => found,
+                None => return Step::Impossible(why),
+            },
+        };
+        let stop = drive.goal();
+        let posture = if self.is_stowed {
+            " with the arm stowed"
+        } else {
+            ""
+        };
+        now.note(format!(
+            "drives to ({:.2}, {:.2}) heading {:.0}° in {:.1} s{posture}",
+            stop.x,
+            stop.y,
+            stop.heading.to_degrees(),
+            drive.duration()
+        ));
+        let prepare = match self.purpose {
+            Purpose::Put => None,
+            Purpose::Take => {
+                now.memory.planned = Some(now.object().inv_mul(&candidate.grasp));
+                let at = base_placement::standing(&stop);
+                match self.is_stowed {
+                    true => None,
+                    false => Prepare::plan(now, &at, &candidate, drive.duration()),
+                }
             }
-            Err(why) => Step::Impossible(why),
+        };
+        let time = now.observation.time;
+        self.state = match self.is_stowed {
+            true => State::Fold { drive, since: time },
+            false => State::Drive {
+                drive,
+                begun: time,
+                prepare,
+            },
+        };
+        Step::Going(Act::named(Phase::Navigating, "planning"))
+    }
+
+    /// The drive for a chair with the arm in the travel posture. An arm that holds something
+    /// is not stowed.
+    fn find_stowed(&mut self, now: &mut Now<'_>) -> Option<(Drive, GraspCandidate)> {
+        let travel = now.scene.travel.as_ref()?;
+        if self.purpose == Purpose::Put {
+            return None;
         }
+        let scene = SceneModel {
+            outlines: travel.outlines.clone(),
+            ..now.scene.clone()
+        };
+        for margin in [now.profile.path.margin, STOWED_CLEARANCE] {
+            let mut profile = *now.profile;
+            profile.path.margin = margin;
+            let mut stowed = Now {
+                scene: &scene,
+                goal: now.goal,
+                profile: &profile,
+                observation: now.observation,
+                poses: now.poses,
+                reach: &mut *now.reach,
+                shown: now.shown,
+                memory: &mut *now.memory,
+            };
+            if let Ok(found) = find(&mut stowed, self.purpose) {
+                self.is_stowed = true;
+                return Some(found);
+            }
+        }
+        None
+    }
+
+    /// Moves the arm to `joints`, radians; `None` when it is there.
+    fn posture(now: &Now<'_>, joints: [f64; 6], since: f64, name: &'static str) -> Option<Step> {
+        if Stow::is_home(&now.observation.arm, &joints) {
+            return None;
+        }
+        if now.observation.time - since > FOLDING {
+            let why = "the arm does not get into its travel posture or home";
+            return Some(Step::Impossible(why.to_owned()));
+        }
+        Some(Step::Going(Act {
+            joints: Some(joints),
+            base: Some([0.0, 0.0]),
+            ..Act::named(Phase::Navigating, name)
+        }))
     }
 }
 
@@ -116,6 +197,25 @@ impl Skill for Navigate {
         let still = Some([0.0, 0.0]);
         match &self.state {
             State::Plan => self.plan(now),
+            State::Fold { drive, since } => {
+                let travel = now.scene.travel.as_ref().map(|travel| travel.joints);
+                let joints = travel.unwrap_or(now.scene.home);
+                if let Some(step) = Self::posture(now, joints, *since, "stowing") {
+                    return step;
+                }
+                self.state = State::Drive {
+                    drive: drive.clone(),
+                    begun: now.observation.time,
+                    prepare: None,
+                };
+                Step::Going(Act {
+                    base: still,
+                    ..Act::named(Phase::Navigating, "stowing")
+                })
+            }
+            State::Unfold { since } => {
+                Self::posture(now, now.scene.home, *since, "unfolding").unwrap_or(Step::Done)
+            }
             State::Drive {
                 drive,
                 begun,
@@ -141,7 +241,12 @@ impl Skill for Navigate {
                 let [speed, rate] = now.observation.chair_speed;
                 let waited = now.observation.time - since;
                 if waited > 0.3 && (speed < 0.005 && rate.abs() < 0.01 || waited > 3.0) {
-                    return Step::Done;
+                    if !self.is_stowed {
+                        return Step::Done;
+                    }
+                    self.state = State::Unfold {
+                        since: now.observation.time,
+                    };
                 }
                 Step::Going(Act {
                     base: still,

@@ -18,6 +18,9 @@ const LEAST_LEAF: usize = 8;
 /// Least length of a leaf along the front, metres.
 const LEAST_SIDE: f64 = 0.10;
 
+/// Thickness of the front of a drawer, metres.
+const FRONT: f64 = 0.02;
+
 /// Whether a leaf is worth a joint: an upright or level hinge across the front, or a rail
 /// that leads to the front.
 pub(super) fn is_useful(joint: &Joint, model: &Model, fitted: &Fitted) -> bool {
@@ -73,7 +76,7 @@ pub(super) fn leaf_kind(
             ));
         }
         JointKind::Rail => {
-            let front = (high[0] - 0.02).max(low[0]);
+            let front = (high[0] - FRONT).max(low[0]);
             let gap = 0.002;
             shapes.push(Solid::cuboid(
                 [front, low[1] + gap, low[2] + gap],
@@ -82,11 +85,13 @@ pub(super) fn leaf_kind(
         }
     }
     let size = [0, 1, 2].map(|axis| (high[axis] - low[axis]).max(0.015));
-    // Of a drawer its front alone collides, and the engine wants the centre inside.
-    let com = match shapes.first() {
-        Some(front) => front.middle(),
-        None => [0, 1, 2].map(|axis| 0.5 * (low[axis] + high[axis])),
+    // Scenes bound the centre of mass and the inertia by the collision shapes. A drawer only
+    // moves along x, so its front may have them.
+    let heavy_low = match joint.kind {
+        JointKind::Hinge => low,
+        JointKind::Rail => [(high[0] - FRONT).max(low[0]), low[1], low[2]],
     };
+    let com = [0, 1, 2].map(|axis| 0.5 * (heavy_low[axis] + high[axis]));
     let volume = size[0] * size[1] * size[2];
     let mut grasps = Vec::new();
     if !joint.handle.is_empty() {
@@ -107,8 +112,10 @@ pub(super) fn leaf_kind(
         }
         JointKind::Rail => ([1.0, 0.0, 0.0], 2.5, 5.0, 10.0),
     };
-    let extent = shapes.first().map_or(size, Solid::size);
-    let square = |axis: usize| extent[axis] * extent[axis];
+    let square = |axis: usize| {
+        let side = (high[axis] - heavy_low[axis]).max(0.015);
+        side * side
+    };
     // The smallest eigenvalues of thin plates are raised: rounding must keep
     // Ixx + Iyy >= Izz in every order.
     let inertia = [(1, 2), (0, 2), (0, 1)].map(|(a, b)| {

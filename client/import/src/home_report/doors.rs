@@ -61,11 +61,14 @@ pub fn test(home: &Home, floor: &Floor) -> Vec<DoorReport> {
         passage.half_depth += BEFORE;
         let mut blocked_by: Vec<String> = Vec::new();
         for index in passage.gap(&outlines).blockers {
-            let owner = solids[index].owner;
-            let name = home.owner_name(owner);
-            let is_new = !blocked_by.iter().any(|other| other == name);
-            if owner != Owner::Building && is_new {
-                blocked_by.push(name.to_owned());
+            let Owner::Piece(piece) = solids[index].owner else {
+                continue;
+            };
+            let piece = &home.pieces[piece];
+            // The frame of a door is no news; a leaf that closes it is.
+            let is_frame = clear_width > 0.0 && piece.is_of_opening();
+            if !is_frame && !blocked_by.contains(&piece.name) {
+                blocked_by.push(piece.name.clone());
             }
         }
         let mut places = places.iter();

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use wheelarm_planning::floor_map::{DRIVE_CLEARANCE, FloorMap, STOP_CLEARANCE};
+use wheelarm_planning::floor_map::{FloorMap, STOP_CLEARANCE};
 use wheelarm_planning::footprint_check::{FootprintCheck, Pose2};
 use wheelarm_planning::reached::Reached;
 
@@ -30,7 +30,7 @@ impl Floor {
     pub fn new(home: &Home, robot: &RobotFacts) -> Self {
         let footprint = footprint(home, robot);
         let poses: Vec<Pose2> = home.start.into_iter().collect();
-        let mut map = FloorMap::new(&footprint, DRIVE_CLEARANCE, &poses);
+        let mut map = FloorMap::new(&footprint, robot.posture.clearance(), &poses);
         let rooms: Vec<&Room> = home.rooms.iter().filter(|r| !r.is_outdoors()).collect();
         if !rooms.is_empty() {
             let passages: Vec<&Opening> = home.openings.iter().filter(|o| o.is_passage()).collect();

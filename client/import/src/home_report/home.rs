@@ -176,6 +176,15 @@ impl Piece {
     }
 }
 
+impl Piece {
+    /// Whether it is a door or a window, with its frame.
+    #[must_use]
+    pub fn is_of_opening(&self) -> bool {
+        let word = self.category.to_lowercase();
+        ["door", "window"].iter().any(|part| word.contains(part))
+    }
+}
+
 impl Opening {
     /// Whether a chair could drive through it.
     #[must_use]

@@ -20,7 +20,7 @@ mod text;
 mod tests;
 
 use serde::Serialize;
-use wheelarm_planning::floor_map::{DRIVE_CLEARANCE, STOP_CLEARANCE};
+use wheelarm_planning::floor_map::STOP_CLEARANCE;
 
 pub use doors::DoorReport;
 pub use from_pack::NoHome;
@@ -46,7 +46,7 @@ pub struct RobotReport {
     pub size: [f64; 2],
     /// Diameter of the circle of a turn on the spot, metres.
     pub turning_circle: f64,
-    /// Clearance while it drives and where it stops, metres.
+    /// Least clearance while it drives, and clearance where it stops, metres.
     pub clearance: [f64; 2],
     /// Clear width of a door that it certainly passes straight, metres.
     pub door: f64,
@@ -133,8 +133,8 @@ impl Finding {
                 posture: robot.posture.name(),
                 size: [robot.width(), robot.length()],
                 turning_circle: robot.turning_circle(),
-                clearance: [DRIVE_CLEARANCE, STOP_CLEARANCE],
-                door: robot.width() + 2.0 * DRIVE_CLEARANCE,
+                clearance: [robot.posture.clearance(), STOP_CLEARANCE],
+                door: robot.width() + 2.0 * robot.posture.clearance(),
             },
             summary,
             start: rooms::start(home, &floor, &rooms),

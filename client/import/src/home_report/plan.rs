@@ -19,7 +19,7 @@ const FINEST: f64 = 120.0;
 /// Free border, metres.
 const BORDER: f64 = 0.4;
 /// Solids above this height are not drawn, metres.
-const HEAD: f64 = 1.9;
+const HEAD: f64 = 1.5;
 
 const PAPER: RGBColor = WHITE;
 const INK: RGBColor = RGBColor(50, 50, 50);

@@ -4,6 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
+use wheelarm_planning::floor_map::{DRIVE_CLEARANCE, STOWED_CLEARANCE};
 use wheelarm_planning::footprint_check::Outline;
 use wheelarm_planning::reach_map::{FILE_BYTES, ReachMap, ReachMapError};
 use wheelarm_proto::exact;
@@ -31,6 +32,15 @@ impl Posture {
         match self {
             Self::Travel => "travel",
             Self::Home => "home",
+        }
+    }
+
+    /// Least clearance with which the scripted operator drives in it, metres.
+    #[must_use]
+    pub fn clearance(self) -> f64 {
+        match self {
+            Self::Travel => STOWED_CLEARANCE,
+            Self::Home => DRIVE_CLEARANCE,
         }
     }
 }

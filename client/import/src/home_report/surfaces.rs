@@ -17,9 +17,9 @@ use super::home::{Home, Owner, Solid, Surface};
 use super::robot::RobotFacts;
 
 /// Distance of the tested points from the edge, metres.
-const INWARDS: f64 = 0.16;
+pub(crate) const INWARDS: f64 = 0.16;
 /// Their spacing along the edge, metres.
-const SPACING: f64 = 0.1;
+pub(crate) const SPACING: f64 = 0.1;
 /// Their least distance from the ends of the edge, metres.
 const END: f64 = 0.08;
 /// Shortest and longest depth of a surface that an edge offers, metres.
@@ -69,7 +69,12 @@ pub struct Strip {
     pub width: f64,
     /// Of the surface behind the edge, metres.
     pub depth: f64,
-    /// A stop of the chair for each tested point: x, y, metres, and heading, radians.
+    /// Quarter turns, counter-clockwise, from the surface's approach edge to this edge: 0 to 3.
+    pub side: usize,
+    /// Reached points of the edge: distances from the middle of the whole edge, to the left of
+    /// a chair that faces it, metres; rising.
+    pub points: Vec<f64>,
+    /// A stop of the chair for each of these points: x, y, metres, and heading, radians.
     pub stops: Vec<[f64; 3]>,
 }
 
@@ -185,8 +190,8 @@ pub fn test(home: &Home, floor: &Floor, robot: &RobotFacts, surface: &Surface) -
         blockers: Vec::new(),
     };
     let mut best: Option<(f64, f64, Strip)> = None;
-    for edge in Edge::all(surface) {
-        if let Some((share, strip)) = search.strip(&edge) {
+    for (side, edge) in Edge::all(surface).iter().enumerate() {
+        if let Some((share, strip)) = search.strip(side, edge) {
             let gain = strip.stops.len() as f64 * edge.depth.min(DEPTHS[1]);
             if best.as_ref().is_none_or(|(other, ..)| gain > *other) {
                 best = Some((gain, share, strip));
@@ -221,7 +226,7 @@ pub fn test(home: &Home, floor: &Floor, robot: &RobotFacts, surface: &Surface) -
 
 impl Search<'_> {
     /// The share of the points of an edge that are reached, and the strip around them.
-    fn strip(&mut self, edge: &Edge) -> Option<(f64, Strip)> {
+    fn strip(&mut self, side: usize, edge: &Edge) -> Option<(f64, Strip)> {
         let points = edge.points();
         let mut reached: Vec<(f64, [f64; 3])> = Vec::new();
         for &along in &points {
@@ -239,6 +244,8 @@ impl Search<'_> {
             inwards: edge.facing,
             width: high - low,
             depth: edge.depth,
+            side,
+            points: reached.iter().map(|(along, _)| *along).collect(),
             stops: reached.iter().map(|(_, stop)| *stop).collect(),
         };
         Some((reached.len() as f64 / points.len() as f64, strip))

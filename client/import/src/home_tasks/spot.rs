@@ -1,0 +1,265 @@
+//! A place for the object of a task: the ranges on a reached surface in which it starts.
+
+use wheelarm_pack::HomeFile;
+
+use crate::home_report::Strip;
+use crate::home_report::home::{Home, Solid, Surface};
+use crate::home_report::surfaces::{INWARDS, SPACING};
+
+/// Least distance of an object's middle from the approach edge, metres.
+const NEAREST: f64 = 0.09;
+/// Greatest one, metres. The report tests points at 0.16 m.
+const FURTHEST: f64 = 0.22;
+/// Distance of an object's middle from the other edge, metres.
+const BEHIND: f64 = 0.08;
+/// Distance of an object's middle from what stands higher than the surface, metres: its radius
+/// and the gap that areas demand.
+const APART: f64 = 0.08;
+/// Height of a tall object, metres.
+const TALL: f64 = 0.25;
+/// At the ends of a reached strip the arm has few stops: objects stay this far inside, metres.
+const END: f64 = 0.03;
+/// Height over which what hangs above a surface is looked for, metres.
+const ABOVE: f64 = 0.6;
+
+/// Ranges of the start of the chair.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Start {
+    /// Metres.
+    pub x: [f64; 2],
+    /// Metres.
+    pub y: [f64; 2],
+    /// Degrees.
+    pub yaw_deg: [f64; 2],
+}
+
+/// See the module.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Spot {
+    /// Name of the piece.
+    pub piece: String,
+    /// Name of the surface on the piece.
+    pub surface: String,
+    /// Number of the surface on its piece, from 1.
+    pub number: usize,
+    /// The piece in words.
+    pub piece_words: String,
+    /// Category of the piece.
+    pub category: String,
+    /// The room in words; empty outside of rooms.
+    pub room_words: String,
+    /// Quarter turns from the approach edge of the surface to that of the spot.
+    pub side: usize,
+    /// Range from the approach edge inwards, metres.
+    pub inwards: [f64; 2],
+    /// Range along the edge from its middle, metres.
+    pub along: [f64; 2],
+    /// Depth of the surface behind the edge, metres.
+    pub depth: f64,
+    /// Free height above the surface, at most 0.6 m.
+    pub headroom: f64,
+    /// Middle of the spot in `house`, metres.
+    pub at: [f64; 2],
+    /// Stop of the chair for it: x, y, metres, and heading, radians.
+    pub stop: [f64; 3],
+    /// Start of the chair.
+    pub start: Start,
+    /// The chair does not get there from the start of the home.
+    pub within: bool,
+}
+
+impl Spot {
+    /// The spot on a reached surface, without a start.
+    ///
+    /// # Errors
+    /// The reason when objects have no room.
+    pub(super) fn new(
+        home: &Home,
+        file: &HomeFile,
+        surface: &Surface,
+        strip: &Strip,
+    ) -> Result<Self, &'static str> {
+        let piece = &home.pieces[surface.piece];
+        let entry = file.piece.iter().find(|entry| entry.name == piece.name);
+        if strip.side != 0 && entry.is_none_or(|entry| entry.mirror || entry.scale.is_some()) {
+            return Err("its piece is scaled or mirrored");
+        }
+        let last = strip.depth - BEHIND;
+        let inwards = match last > NEAREST {
+            true => [NEAREST, last.min(FURTHEST)],
+            false => [strip.depth / 2.0; 2],
+        };
+        let edge = Frame::new(surface, strip);
+        let solids: Vec<[[f64; 2]; 2]> = home
+            .solids
+            .iter()
+            .filter(|s| {
+                s.heights[1] > surface.height + 1e-3 && s.heights[0] < surface.height + TALL
+            })
+            .map(bounds)
+            .collect();
+        let has_room = |along: f64| {
+            let middle = INWARDS.clamp(inwards[0], inwards[1]);
+            [inwards[0], middle, inwards[1]].iter().all(|&inwards| {
+                let at = edge.at(along, inwards);
+                solids.iter().all(|[low, high]| {
+                    (0..2).any(|i| at[i] + APART <= low[i] || at[i] - APART >= high[i])
+                })
+            })
+        };
+        let points = strip.points.iter().zip(&strip.stops);
+        let points = points.filter(|(along, _)| has_room(**along));
+        let points: Vec<(f64, [f64; 3])> = points.map(|(along, stop)| (*along, *stop)).collect();
+        let run = longest_run(&points);
+        let (Some(first), Some(last)) = (run.first(), run.last()) else {
+            return Err("something stands beside every reached point");
+        };
+        let along = match last.0 - first.0 > 2.0 * END {
+            true => [first.0 + END, last.0 - END],
+            false => [f64::midpoint(first.0, last.0); 2],
+        };
+        let middle = run[run.len() / 2];
+        let at = edge.at(middle.0, INWARDS.clamp(inwards[0], inwards[1]));
+        let over = home.solids.iter().filter(|solid| {
+            let [low, high] = bounds(solid);
+            solid.heights[0] > surface.height + 0.02
+                && (0..2).all(|i| at[i] + APART > low[i] && at[i] - APART < high[i])
+        });
+        let lowest = over.map(|solid| solid.heights[0] - surface.height);
+        let of_piece = home.surfaces.iter().filter(|s| s.piece == surface.piece);
+        let number = of_piece.take_while(|s| s.name != surface.name).count() + 1;
+        let room = home.room_at(at).or_else(|| home.room_at(surface.centre));
+        let room = room.map(|room| &home.rooms[room]);
+        let is_unknown = piece.category.is_empty() || piece.category == "furniture";
+        Ok(Self {
+            piece: piece.name.clone(),
+            surface: surface.name.clone(),
+            number,
+            piece_words: words(match is_unknown {
+                true => &piece.name,
+                false => &piece.category,
+            }),
+            category: piece.category.clone(),
+            room_words: room.map_or(String::new(), |room| match room.kind.is_empty() {
+                true => words(&room.name),
+                false => words(&room.kind),
+            }),
+            side: strip.side,
+            inwards: inwards.map(rounded),
+            along: along.map(rounded),
+            depth: strip.depth,
+            headroom: lowest.fold(ABOVE, f64::min),
+            at,
+            stop: middle.1,
+            start: Start::default(),
+            within: false,
+        })
+    }
+
+    /// A spot in tests.
+    #[cfg(test)]
+    pub(super) fn test(piece: &str, surface: &str) -> Self {
+        Self {
+            piece: piece.into(),
+            surface: surface.into(),
+            number: 1,
+            piece_words: "table".into(),
+            category: "table".into(),
+            room_words: "kitchen".into(),
+            side: 0,
+            inwards: [0.1, 0.2],
+            along: [0.0, 0.2],
+            depth: 0.25,
+            headroom: 0.35,
+            at: [0.0; 2],
+            stop: [0.0; 3],
+            start: Start::default(),
+            within: false,
+        }
+    }
+
+    /// Length of the range along the edge, metres.
+    pub(super) fn length(&self) -> f64 {
+        self.along[1] - self.along[0]
+    }
+}
+
+/// The frame of an approach edge in `house`.
+struct Frame {
+    middle: [f64; 2],
+    inwards: [f64; 2],
+}
+
+impl Frame {
+    fn new(surface: &Surface, strip: &Strip) -> Self {
+        let (sin, cos) = wheelarm_proto::exact::sin_cos(strip.inwards);
+        Self {
+            middle: [
+                surface.centre[0] - cos * strip.depth / 2.0,
+                surface.centre[1] - sin * strip.depth / 2.0,
+            ],
+            inwards: [cos, sin],
+        }
+    }
+
+    /// A point, metres.
+    fn at(&self, along: f64, inwards: f64) -> [f64; 2] {
+        let [cos, sin] = self.inwards;
+        [
+            self.middle[0] + inwards * cos - along * sin,
+            self.middle[1] + inwards * sin + along * cos,
+        ]
+    }
+}
+
+/// The longest part of rising points without a gap.
+fn longest_run(points: &[(f64, [f64; 3])]) -> &[(f64, [f64; 3])] {
+    let runs = points.chunk_by(|a, b| b.0 - a.0 < 1.5 * SPACING);
+    // The first of equal ones.
+    runs.rev().max_by_key(|run| run.len()).unwrap_or_default()
+}
+
+/// The level box around a solid along x and y, as areas take furniture: smallest and largest
+/// coordinates, metres.
+fn bounds(solid: &Solid) -> [[f64; 2]; 2] {
+    let outline = &solid.outline;
+    let [cos, sin] = outline.along.map(f64::abs);
+    let half = [
+        outline.half[0] * cos + outline.half[1] * sin,
+        outline.half[0] * sin + outline.half[1] * cos,
+    ];
+    [-1.0, 1.0].map(|sign| [0, 1].map(|i| outline.centre[i] + sign * half[i]))
+}
+
+/// A name as words, without its number.
+fn words(name: &str) -> String {
+    let is_number = |word: &&str| word.bytes().all(|b| b.is_ascii_digit());
+    let words: Vec<&str> = name.split(['_', '-']).filter(|w| !is_number(w)).collect();
+    words.join(" ")
+}
+
+/// Rounds to a millimetre; negative zero becomes zero.
+pub(super) fn rounded(value: f64) -> f64 {
+    (value * 1e3).round() / 1e3 + 0.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn longest_run_has_no_gap() {
+        let points: Vec<(f64, [f64; 3])> = [-0.3, -0.2, 0.0, 0.1, 0.2, 0.4]
+            .map(|along| (along, [0.0; 3]))
+            .to_vec();
+        let run: Vec<f64> = longest_run(&points).iter().map(|p| p.0).collect();
+        assert_eq!(run, [0.0, 0.1, 0.2]);
+        assert!(longest_run(&[]).is_empty());
+    }
+
+    #[test]
+    fn names_become_words_without_numbers() {
+        assert_eq!(words("kitchen_cabinet_2"), "kitchen cabinet");
+        assert_eq!(words("living_room"), "living room");
+    }
+}
