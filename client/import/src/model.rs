@@ -323,9 +323,9 @@ fn triangulate(face: &[[f64; 3]]) -> Vec<[usize; 3]> {
     let mut normal = [0.0; 3];
     for (i, a) in face.iter().enumerate() {
         let b = face[(i + 1) % count];
-        for k in 0..3 {
+        for (k, sum) in normal.iter_mut().enumerate() {
             let (m, n) = ((k + 1) % 3, (k + 2) % 3);
-            normal[k] += (a[m] - b[m]) * (a[n] + b[n]);
+            *sum += (a[m] - b[m]) * (a[n] + b[n]);
         }
     }
     let largest = |best: usize, k: usize| {

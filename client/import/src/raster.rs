@@ -30,6 +30,26 @@ fn half(polygon: &[Point3], axis: usize, bound: f64, sign: f64) -> Vec<Point3> {
     kept
 }
 
+/// Height and area of a triangle that is level.
+#[must_use]
+pub fn level_face(corners: &[Point3; 3]) -> Option<(f64, f64)> {
+    let [a, b, c] = *corners;
+    let (u, v) = (sub(b, a), sub(c, a));
+    let normal = [
+        u[1] * v[2] - u[2] * v[1],
+        u[2] * v[0] - u[0] * v[2],
+        u[0] * v[1] - u[1] * v[0],
+    ];
+    let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
+    // Some catalogues turn faces the wrong way round: both directions count.
+    let is_level = length > 1.0e-9 && normal[2].abs() > 0.97 * length;
+    is_level.then(|| ((a[2] + b[2] + c[2]) / 3.0, 0.5 * length))
+}
+
+fn sub(a: Point3, b: Point3) -> Point3 {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
 /// A grid in the plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grid {
@@ -181,6 +201,17 @@ pub struct Rectangle {
     pub low: [usize; 2],
     /// Column and row after the last.
     pub high: [usize; 2],
+}
+
+impl Rectangle {
+    /// Clears its cells in a mask.
+    pub fn clear(&self, grid: &Grid, mask: &mut [bool]) {
+        for j in self.low[1]..self.high[1] {
+            for i in self.low[0]..self.high[0] {
+                mask[grid.index(i, j)] = false;
+            }
+        }
+    }
 }
 
 /// The largest rectangle of a mask, by number of cells.

@@ -28,8 +28,8 @@ fn clustered(triangles: &[[Corner; 3]], cell: f64) -> Vec<[Corner; 3]> {
     let mut sums: BTreeMap<[i64; 3], ([f64; 3], f64)> = BTreeMap::new();
     for corner in triangles.iter().flatten() {
         let (sum, count) = sums.entry(key(corner)).or_insert(([0.0; 3], 0.0));
-        for axis in 0..3 {
-            sum[axis] += corner.0[axis];
+        for (total, c) in sum.iter_mut().zip(corner.0) {
+            *total += c;
         }
         *count += 1.0;
     }

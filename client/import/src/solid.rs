@@ -7,7 +7,7 @@
 
 use crate::fit::bounds;
 use crate::polygon::{self, Point};
-use crate::raster::{Grid, Point3, clip};
+use crate::raster::{Grid, Point3, clip, level_face};
 
 /// Largest number of corners of an outline: a hull has twice as many vertices.
 const MOST_CORNERS: usize = 12;
@@ -57,13 +57,26 @@ impl Solid {
         let (low, high) = polygon::bounds(&self.outline);
         let whole = (high[0] - low[0]) * (high[1] - low[1]);
         let missing = whole - polygon::area(&self.outline);
-        let size = [high[0] - low[0], high[1] - low[1], self.high - self.low];
-        let middle = [
+        let is_box = missing <= 0.03 * whole && missing < 0.004;
+        is_box.then(|| (self.middle(), self.size()))
+    }
+
+    /// Middle of its extents.
+    #[must_use]
+    pub fn middle(&self) -> Point3 {
+        let (low, high) = polygon::bounds(&self.outline);
+        [
             0.5 * (low[0] + high[0]),
             0.5 * (low[1] + high[1]),
             0.5 * (self.low + self.high),
-        ];
-        (missing <= 0.03 * whole && missing < 0.004).then_some((middle, size))
+        ]
+    }
+
+    /// Lengths of its extents.
+    #[must_use]
+    pub fn size(&self) -> Point3 {
+        let (low, high) = polygon::bounds(&self.outline);
+        [high[0] - low[0], high[1] - low[1], self.high - self.low]
     }
 
     /// Widens what is thinner than a collision shape may be.
@@ -191,25 +204,6 @@ fn cuts(corners: &[[Point3; 3]], low: f64, high: f64, footprint: f64) -> Vec<f64
         }
     }
     all
-}
-
-/// Height and area of a triangle that is level.
-pub(crate) fn level_face(corners: &[Point3; 3]) -> Option<(f64, f64)> {
-    let [a, b, c] = *corners;
-    let (u, v) = (sub(b, a), sub(c, a));
-    let normal = [
-        u[1] * v[2] - u[2] * v[1],
-        u[2] * v[0] - u[0] * v[2],
-        u[0] * v[1] - u[1] * v[0],
-    ];
-    let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
-    // Some catalogues turn faces the wrong way round: both directions count.
-    let is_level = length > 1.0e-9 && normal[2].abs() > 0.97 * length;
-    is_level.then(|| ((a[2] + b[2] + c[2]) / 3.0, 0.5 * length))
-}
-
-fn sub(a: Point3, b: Point3) -> Point3 {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 /// A model in layers, and its level faces in the cuts between them.
@@ -494,7 +488,7 @@ impl Band<'_> {
                 }
             }
         }
-        if !(high >= low) {
+        if low > high {
             return;
         }
         polygon::reduce(&mut outline, MOST_CORNERS, 1.0e-4);

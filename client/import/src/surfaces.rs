@@ -1,8 +1,8 @@
 //! Level places of a model that can carry objects, by measurement.
 
 use crate::polygon;
-use crate::raster::{Grid, Point3, clip, largest_rectangle};
-use crate::solid::{Solid, level_face};
+use crate::raster::{Grid, Point3, clip, largest_rectangle, level_face};
+use crate::solid::Solid;
 
 /// Side of a cell, metres.
 const CELL: f64 = 0.02;
@@ -11,7 +11,9 @@ const ROOM: f64 = 0.28;
 /// Least side of a surface, metres.
 const LEAST: f64 = 0.22;
 /// Largest number of surfaces of a kind.
-const MOST: usize = 4;
+const MOST: usize = 6;
+/// Largest number of surfaces at one height: a worktop on both sides of its basin.
+const MOST_LEVEL: usize = 2;
 /// Two surfaces are at least this far apart in height, metres.
 const APART: f64 = 0.05;
 
@@ -49,12 +51,16 @@ pub fn surfaces(corners: &[[Point3; 3]], solids: &[Solid], from: f64, to: f64) -
     let grid = Grid::covering([low[0], low[1]], [high[0], high[1]], CELL);
     let mut found: Vec<Surface> = heights(corners, from, to)
         .into_iter()
-        .filter_map(|height| measure(&grid, corners, solids, height))
+        .flat_map(|height| measure(&grid, corners, solids, height))
         .collect();
     found.sort_by(|a, b| b.area().total_cmp(&a.area()));
     let mut kept: Vec<Surface> = Vec::new();
     for surface in found {
-        let is_apart = |other: &Surface| (other.height - surface.height).abs() > APART;
+        // Rectangles of one height do not overlap.
+        let is_apart = |other: &Surface| {
+            let gap = (other.height - surface.height).abs();
+            gap > APART || gap == 0.0
+        };
         if kept.len() < MOST && kept.iter().all(is_apart) {
             kept.push(surface);
         }
@@ -89,7 +95,7 @@ fn heights(corners: &[[Point3; 3]], from: f64, to: f64) -> Vec<f64> {
     heights
 }
 
-fn measure(grid: &Grid, corners: &[[Point3; 3]], solids: &[Solid], height: f64) -> Option<Surface> {
+fn measure(grid: &Grid, corners: &[[Point3; 3]], solids: &[Solid], height: f64) -> Vec<Surface> {
     let mut free = vec![false; grid.len()];
     let mut taken = vec![false; grid.len()];
     for triangle in corners {
@@ -117,14 +123,22 @@ fn measure(grid: &Grid, corners: &[[Point3; 3]], solids: &[Solid], height: f64) 
         }
         free[cell] &= carried && !taken[cell];
     }
-    let rectangle = largest_rectangle(grid, &free)?;
-    let (low, high) = (
-        grid.corner(rectangle.low[0], rectangle.low[1]),
-        grid.corner(rectangle.high[0], rectangle.high[1]),
-    );
-    let surface = Surface { height, low, high };
-    let sides = [high[0] - low[0], high[1] - low[1]];
-    sides.iter().all(|&side| side >= LEAST).then_some(surface)
+    let mut found = Vec::new();
+    while found.len() < MOST_LEVEL {
+        let Some(rectangle) = largest_rectangle(grid, &free) else {
+            break;
+        };
+        let (low, high) = (
+            grid.corner(rectangle.low[0], rectangle.low[1]),
+            grid.corner(rectangle.high[0], rectangle.high[1]),
+        );
+        if (0..2).any(|axis| high[axis] - low[axis] < LEAST) {
+            break;
+        }
+        rectangle.clear(grid, &mut free);
+        found.push(Surface { height, low, high });
+    }
+    found
 }
 
 /// Area in plan of a convex polygon.
@@ -160,9 +174,10 @@ mod tests {
         corners.push([[0.0, 0.5, 0.85], [0.6, 0.5, 0.85], [0.3, 0.5, 1.05]]);
         let top = Solid::cuboid([0.0, 0.0, 0.0], [0.6, 1.2, 0.85]);
         let found = surfaces(&corners, std::slice::from_ref(&top), 0.3, 1.2);
-        assert_eq!(found.len(), 1);
+        assert_eq!(found.len(), 2, "one on each side");
         let surface = found[0];
         assert_eq!(surface.height, 0.85);
+        assert!(found[1].high[1] <= 0.52, "{found:?}");
         assert!(
             surface.low[1] >= 0.5 && surface.high[1] > 1.15,
             "{surface:?}"

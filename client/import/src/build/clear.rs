@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use wheelarm_pack::{KindFile, PieceEntry, SurfaceEntry};
 use wheelarm_proto::exact;
 
+use crate::build::kinds::surface_name;
 use crate::build::{rounded, rounded3};
 use crate::polygon::{self, Point};
 use crate::raster::{Grid, largest_rectangle};
@@ -14,6 +15,8 @@ use crate::rooms::Names;
 const CELL: f64 = 0.02;
 /// Height that must be free above a surface, metres.
 const ROOM: f64 = 0.28;
+/// Largest number of parts of one surface.
+const MOST_PARTS: usize = 2;
 /// Least side of a surface, metres.
 const LEAST: f64 = 0.22;
 /// What covers less of a surface is a drawing error and stays, square metres.
@@ -50,13 +53,16 @@ pub(super) fn clear_surfaces(
         else {
             continue;
         };
-        let free: Vec<SurfaceEntry> = kind
+        let mut free: Vec<SurfaceEntry> = kind
             .surfaces
             .iter()
-            .filter_map(|surface| free_part(index, piece, surface, shapes))
+            .flat_map(|surface| free_parts(index, piece, surface, shapes))
             .collect();
         if free == kind.surfaces {
             continue;
+        }
+        for (number, surface) in free.iter_mut().enumerate() {
+            surface.name = surface_name(number);
         }
         let variant = KindFile {
             surfaces: free,
@@ -77,13 +83,13 @@ pub(super) fn clear_surfaces(
     former
 }
 
-/// The largest rectangle of a surface without anything above it; `None` when it is too small.
-fn free_part(
+/// The largest rectangles of a surface without anything above them.
+fn free_parts(
     index: usize,
     piece: &PieceEntry,
     surface: &SurfaceEntry,
     shapes: &[Shape],
-) -> Option<SurfaceEntry> {
+) -> Vec<SurfaceEntry> {
     // Surfaces are approached from the front: inwards is -x, the edge is along y.
     let (depth, width) = (surface.depth, surface.width);
     let low = [surface.edge[0] - depth, surface.edge[1] - 0.5 * width];
@@ -112,7 +118,7 @@ fn free_part(
             shape.piece != Some(index) && is_above && is_near
         })
         .collect();
-    let free: Vec<bool> = (0..grid.len())
+    let mut free: Vec<bool> = (0..grid.len())
         .map(|cell| {
             let at = to_pack(grid.middle(cell));
             !above
@@ -122,18 +128,28 @@ fn free_part(
         .collect();
     let covered = free.iter().filter(|&&is_free| !is_free).count();
     if (covered as f64) * CELL * CELL < LEAST_COVER {
-        return Some(surface.clone());
+        return vec![surface.clone()];
     }
-    let rectangle = largest_rectangle(&grid, &free)?;
-    let size = |axis: usize| (rectangle.high[axis] - rectangle.low[axis]) as f64 * CELL;
-    let [depth, width] = [size(0), size(1)];
-    let front = grid.corner(rectangle.high[0], rectangle.low[1]);
-    (depth >= LEAST && width >= LEAST).then(|| SurfaceEntry {
-        edge: rounded3([front[0], front[1] + 0.5 * width, surface.edge[2]]),
-        depth: rounded(depth),
-        width: rounded(width),
-        ..surface.clone()
-    })
+    let mut parts = Vec::new();
+    while parts.len() < MOST_PARTS {
+        let Some(rectangle) = largest_rectangle(&grid, &free) else {
+            break;
+        };
+        let size = |axis: usize| (rectangle.high[axis] - rectangle.low[axis]) as f64 * CELL;
+        let [depth, width] = [size(0), size(1)];
+        if depth < LEAST || width < LEAST {
+            break;
+        }
+        rectangle.clear(&grid, &mut free);
+        let front = grid.corner(rectangle.high[0], rectangle.low[1]);
+        parts.push(SurfaceEntry {
+            edge: rounded3([front[0], front[1] + 0.5 * width, surface.edge[2]]),
+            depth: rounded(depth),
+            width: rounded(width),
+            ..surface.clone()
+        });
+    }
+    parts
 }
 
 fn cells(length: f64) -> usize {

@@ -49,6 +49,8 @@ pub struct Leaf {
     pub word: &'static str,
     /// Origin in the frame of the carrier, metres.
     pub at: Point3,
+    /// Collision shapes in its own frame.
+    pub solids: Vec<Solid>,
 }
 
 /// A finished kind.
@@ -239,13 +241,14 @@ impl<'a> Kinds<'a> {
                 .give(&format!("{name}_{word}_{}", joint.number), word);
             let triangles = self.store(&leaf, &mut parts);
             self.triangles.insert(leaf.clone(), triangles);
-            let entry = leaf_kind(joint, model, &fitted, parts);
+            let (entry, solids) = leaf_kind(joint, model, &fitted, parts);
             self.kinds.insert(leaf.clone(), entry);
             let at = rounded3(origin(joint, model, &fitted));
             leaves.push(Leaf {
                 kind: leaf,
                 word,
                 at,
+                solids,
             });
         }
         Ok(Built {
@@ -356,15 +359,19 @@ pub(super) fn shape(solid: &Solid) -> PartEntry {
     }
 }
 
+/// Name of a surface within its kind.
+pub(super) fn surface_name(index: usize) -> String {
+    match index {
+        0 => "top".into(),
+        index => format!("level_{index}"),
+    }
+}
+
 /// A measured rectangle as an entry, approached from the front.
 fn surface(index: usize, surface: &Surface) -> SurfaceEntry {
     let (low, high) = (surface.low, surface.high);
     SurfaceEntry {
-        name: if index == 0 {
-            "top".into()
-        } else {
-            format!("level_{index}")
-        },
+        name: surface_name(index),
         edge: rounded3([high[0], 0.5 * (low[1] + high[1]), surface.height]),
         inwards_deg: 180.0,
         depth: rounded(high[0] - low[0]),

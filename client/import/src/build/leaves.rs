@@ -49,7 +49,7 @@ pub(super) fn leaf_kind(
     model: &Model,
     fitted: &Fitted,
     parts: Vec<Part>,
-) -> KindFile {
+) -> (KindFile, Vec<Solid>) {
     let o = origin(joint, model, fitted);
     let relative = |p: Point3| [0, 1, 2].map(|axis| p[axis] - o[axis]);
     let panel: Vec<usize> = joint
@@ -123,7 +123,7 @@ pub(super) fn leaf_kind(
         (whole * 1.0e6).round() / 1.0e6
     });
     let slides = joint.kind == JointKind::Rail;
-    KindFile {
+    let kind = KindFile {
         category: if slides {
             "drawer".into()
         } else {
@@ -145,7 +145,8 @@ pub(super) fn leaf_kind(
         }),
         grasps,
         ..KindFile::default()
-    }
+    };
+    (kind, shapes)
 }
 
 /// Grasps of a handle from the front, across its thin sides.

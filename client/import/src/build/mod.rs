@@ -7,6 +7,7 @@ mod leaves;
 mod painter;
 mod sources;
 mod start;
+mod stuck;
 
 use std::collections::BTreeMap;
 
@@ -28,6 +29,7 @@ use clear::{Shape, clear_surfaces};
 use kinds::{Built, Kinds, Passage};
 use sources::{license, manifest, origin};
 use start::{start_and_camera, wall_obstacles};
+use stuck::fix_stuck_leaves;
 
 /// Largest coordinate of a piece, metres: that of packs less a margin.
 const FARTHEST: f64 = 49.0;
@@ -204,13 +206,27 @@ pub fn assemble(
         meshes,
         ..
     } = kinds;
-    let former = clear_surfaces(
+    let (mut former, stuck) = fix_stuck_leaves(
         &mut pieces,
         &mut tables,
         &mut triangles,
         &mut names,
         &shapes,
     );
+    if !stuck.is_empty() {
+        summary.notes.push(format!(
+            "{} stay closed: they overlap other furniture in the drawing",
+            stuck.join(", ")
+        ));
+    }
+    let cleared = clear_surfaces(
+        &mut pieces,
+        &mut tables,
+        &mut triangles,
+        &mut names,
+        &shapes,
+    );
+    former.extend(cleared);
     for (kind, former) in former {
         if let Some(source) = sources.get(&former).cloned() {
             sources.insert(kind, source);
@@ -401,7 +417,16 @@ impl Placer<'_, '_, '_> {
             let mut entry = piece_entry(&of_leaf, &leaf.kind, at, yaw_deg);
             entry.on = Some(name.clone());
             entry.room = room.clone();
+            let index = Some(self.pieces.len());
             self.pieces.push(entry);
+            let [x, y, z] = at;
+            let turn = |p: Point| [x + cos * p[0] - sin * p[1], y + sin * p[0] + cos * p[1]];
+            self.shapes.extend(leaf.solids.iter().map(|solid| Shape {
+                outline: solid.outline.iter().map(|&p| turn(p)).collect(),
+                low: solid.low + z,
+                high: solid.high + z,
+                piece: index,
+            }));
         }
         let source = (
             piece.creator.clone().unwrap_or_default(),
