@@ -6,6 +6,7 @@
 mod anomalies;
 mod episodes;
 mod event_queue;
+mod pack_queries;
 mod pending_operations;
 mod playback;
 mod queries;

@@ -362,47 +362,6 @@ impl Engine {
         });
     }
 
-    /// Lists the world packs on another thread.
-    fn answer_packs(&self, query: zenoh::query::Query) {
-        let known = self.options.packs.clone();
-        let stamp = self.stamp();
-        let header = stamp.clone();
-        let make = move || Ok(packs::list(&known, header));
-        self.shared.replies.answer_later(query, stamp, make);
-    }
-
-    /// Adds a piece of a world pack; stores the pack with its last piece, on another thread.
-    fn answer_pack_put(&mut self, query: zenoh::query::Query, payload: &[u8]) {
-        let stamp = self.stamp();
-        let added = decode::<v1::PackPutRequest>(payload).and_then(|request| {
-            let (digest, length) = (request.zip_digest.clone(), request.zip_length);
-            Ok((self.upload.add(request)?, digest, length))
-        });
-        let (zip, digest, length) = match added {
-            Ok(added) => added,
-            Err(why) => return self.refuse(query, why),
-        };
-        let Some(zip) = zip else {
-            let reply = v1::PackPutReply {
-                header: Some(stamp),
-                received: self.upload.received(),
-                pack: None,
-            };
-            return self.reply(query, Ok(reply.encode_to_vec()));
-        };
-        let (known, folder) = (self.options.packs.clone(), self.sim.assets().to_owned());
-        let header = Some(stamp.clone());
-        self.shared.replies.answer_later(query, stamp, move || {
-            let pack = packs::store(&folder, &known, &zip, &digest)?;
-            let reply = v1::PackPutReply {
-                header,
-                received: length,
-                pack: Some(pack),
-            };
-            Ok(reply.encode_to_vec().into())
-        });
-    }
-
     /// Reads the tasks on first request, on another thread.
     fn answer_tasks(&self, query: zenoh::query::Query) {
         let (shared, folder) = (Arc::clone(&self.shared), self.sim.assets().to_owned());
