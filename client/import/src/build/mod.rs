@@ -1,5 +1,6 @@
 //! Assembles a pack from a home: kinds, rooms, walls, pieces, start, camera, sources.
 
+mod blocked;
 mod clear;
 mod house;
 mod kinds;
@@ -24,6 +25,7 @@ use crate::raster::Point3;
 use crate::rooms::{self, Names, PlanRoom};
 use crate::sh3d::{Home, Piece, PieceKind};
 use crate::words::{self, Category};
+use blocked::fix_blocked_leaves;
 use clear::{Shape, clear_surfaces};
 use kinds::{Built, Kinds, Passage};
 use sources::{license, manifest, origin};
@@ -204,13 +206,26 @@ pub fn assemble(
         meshes,
         ..
     } = kinds;
-    let former = clear_surfaces(
+    let (mut former, blocked) = fix_blocked_leaves(
         &mut pieces,
         &mut tables,
         &mut triangles,
         &mut names,
         &shapes,
     );
+    if !blocked.is_empty() {
+        summary.notes.push(format!(
+            "doors or drawers of {} stay closed: other furniture or a wall is drawn into them; move one of the two",
+            blocked.join(", ")
+        ));
+    }
+    former.extend(clear_surfaces(
+        &mut pieces,
+        &mut tables,
+        &mut triangles,
+        &mut names,
+        &shapes,
+    ));
     for (kind, former) in former {
         if let Some(source) = sources.get(&former).cloned() {
             sources.insert(kind, source);
