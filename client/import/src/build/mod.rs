@@ -6,6 +6,7 @@ mod house;
 mod kinds;
 mod leaves;
 mod painter;
+mod plates;
 mod sources;
 mod start;
 
@@ -232,6 +233,7 @@ pub fn assemble(
         }
     }
     sources.retain(|kind, _| tables.contains_key(kind));
+    plates::add_plates(&mut tables);
     let baseboards = house::baseboards(&plan, &walls, &opening_entries, &mut paints);
     if let Some(kind) = baseboards {
         tables.insert("baseboards".into(), kind);
