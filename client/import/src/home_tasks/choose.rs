@@ -11,8 +11,6 @@ pub(super) struct Stock {
     pub name: &'static str,
     /// Its words.
     pub words: &'static str,
-    /// Metres.
-    pub height: f64,
     /// Free height that it needs with the hand above it, metres.
     pub headroom: f64,
     /// Depth of a surface that it needs, metres.
@@ -22,27 +20,20 @@ pub(super) struct Stock {
     pub yaw_deg: f64,
 }
 
-/// Objects up to this height stand on every surface, metres.
-const SHORT: f64 = 0.125;
-/// The hand of a chair that drives is above this height, metres: it swings over tables, and
-/// would push taller objects over.
-const HAND: f64 = 0.95;
-
 /// The objects of tasks, in the order in which tasks use them.
 pub(super) const STOCK: [Stock; 7] = [
-    stock("mustard", "mustard", 0.191, 0.45, 0.26, 20.0),
-    stock("blue_mug", "blue mug", 0.092, 0.3, 0.3, 20.0),
-    stock("tomato_soup", "tomato soup", 0.102, 0.3, 0.2, 180.0),
-    stock("silver_bottle", "silver bottle", 0.24, 0.5, 0.2, 180.0),
-    stock("coke", "can of cola", 0.123, 0.3, 0.2, 180.0),
-    stock("meat_can", "meat can", 0.084, 0.3, 0.26, 20.0),
-    stock("grey_cup", "grey cup", 0.1, 0.3, 0.2, 180.0),
+    stock("mustard", "mustard", 0.45, 0.26, 20.0),
+    stock("blue_mug", "blue mug", 0.3, 0.3, 20.0),
+    stock("tomato_soup", "tomato soup", 0.3, 0.2, 180.0),
+    stock("silver_bottle", "silver bottle", 0.5, 0.2, 180.0),
+    stock("coke", "can of cola", 0.3, 0.2, 180.0),
+    stock("meat_can", "meat can", 0.3, 0.26, 20.0),
+    stock("grey_cup", "grey cup", 0.3, 0.2, 180.0),
 ];
 
 const fn stock(
     name: &'static str,
     words: &'static str,
-    height: f64,
     headroom: f64,
     depth: f64,
     yaw_deg: f64,
@@ -50,7 +41,6 @@ const fn stock(
     Stock {
         name,
         words,
-        height,
         headroom,
         depth,
         yaw_deg,
@@ -106,11 +96,7 @@ fn in_turn(spots: Vec<Spot>, most: usize) -> (Vec<Spot>, Vec<Spot>) {
 
 /// The object of the task with this index: those that fit take turns.
 pub(super) fn object<'a>(stock: &[&'a Stock], spot: &Spot, index: usize) -> Option<&'a Stock> {
-    let fits = |object: &Stock| {
-        object.headroom <= spot.headroom
-            && object.depth <= spot.depth
-            && (object.height <= SHORT || spot.height + object.height <= HAND)
-    };
+    let fits = |object: &Stock| object.headroom <= spot.headroom && object.depth <= spot.depth;
     let order = (0..stock.len()).map(|step| stock[(index + step) % stock.len()]);
     order.into_iter().find(|object| fits(object))
 }

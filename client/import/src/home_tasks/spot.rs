@@ -54,8 +54,6 @@ pub(super) struct Spot {
     pub inwards: [f64; 2],
     /// Range along the edge from its middle, metres.
     pub along: [f64; 2],
-    /// Height of the surface, metres.
-    pub height: f64,
     /// Depth of the surface behind the edge, metres.
     pub depth: f64,
     /// Free height above the surface, at most 0.6 m.
@@ -149,7 +147,6 @@ impl Spot {
             side: strip.side,
             inwards: inwards.map(rounded),
             along: along.map(rounded),
-            height: surface.height,
             depth: strip.depth,
             headroom: lowest.fold(ABOVE, f64::min),
             at,
@@ -172,7 +169,6 @@ impl Spot {
             side: 0,
             inwards: [0.1, 0.2],
             along: [0.0, 0.2],
-            height: 0.5,
             depth: 0.25,
             headroom: 0.35,
             at: [0.0; 2],
