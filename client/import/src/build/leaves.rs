@@ -1,6 +1,7 @@
 //! Leaves on hinges and rails as kinds of their own: joint, collision shapes, grasps.
 
 use wheelarm_pack::{GraspEntry, JointEntry, KindFile};
+use wheelarm_proto::exact;
 
 use crate::build::kinds::{FRICTION, shape};
 use crate::build::painter::Part;
@@ -20,6 +21,11 @@ const LEAST_SIDE: f64 = 0.10;
 
 /// Thickness of the front of a drawer, metres.
 const FRONT: f64 = 0.02;
+
+/// Friction of a flap over the torque of its weight.
+const HOLD: f64 = 1.1;
+/// m/s².
+const GRAVITY: f64 = 9.81;
 
 /// Whether a leaf is worth a joint: an upright or level hinge across the front, or a rail
 /// that leads to the front.
@@ -108,7 +114,14 @@ pub(super) fn leaf_kind(
             } else {
                 [0.0, if com[2] > 0.0 { 1.0 } else { -1.0 }, 0.0]
             };
-            (axis, (250.0 * volume).clamp(1.5, 20.0), 1.0, 0.5)
+            let mass = (250.0 * volume).clamp(1.5, 20.0);
+            // Flaps of dishwashers and ovens have springs: friction holds them at every angle.
+            let arm = exact::hypot(com[0], com[2]);
+            let friction = match joint.axis {
+                2 => 1.0,
+                _ => rounded(1.0 + HOLD * mass * GRAVITY * arm),
+            };
+            (axis, mass, friction, 0.5)
         }
         JointKind::Rail => ([1.0, 0.0, 0.0], 2.5, 5.0, 10.0),
     };

@@ -1,13 +1,14 @@
 //! Assembles a pack from a home: kinds, rooms, walls, pieces, start, camera, sources.
 
+mod blocked;
 mod clear;
 mod house;
 mod kinds;
 mod leaves;
 mod painter;
+mod plates;
 mod sources;
 mod start;
-mod stuck;
 
 use std::collections::BTreeMap;
 
@@ -25,11 +26,11 @@ use crate::raster::Point3;
 use crate::rooms::{self, Names, PlanRoom};
 use crate::sh3d::{Home, Piece, PieceKind};
 use crate::words::{self, Category};
+use blocked::fix_blocked_leaves;
 use clear::{Shape, clear_surfaces};
 use kinds::{Built, Kinds, Passage};
 use sources::{license, manifest, origin};
 use start::{start_and_camera, wall_obstacles};
-use stuck::fix_stuck_leaves;
 
 /// Largest coordinate of a piece, metres: that of packs less a margin.
 const FARTHEST: f64 = 49.0;
@@ -206,33 +207,33 @@ pub fn assemble(
         meshes,
         ..
     } = kinds;
-    let (mut former, stuck) = fix_stuck_leaves(
+    let (mut former, blocked) = fix_blocked_leaves(
         &mut pieces,
         &mut tables,
         &mut triangles,
         &mut names,
         &shapes,
     );
-    if !stuck.is_empty() {
+    if !blocked.is_empty() {
         summary.notes.push(format!(
-            "{} stay closed: they overlap other furniture in the drawing",
-            stuck.join(", ")
+            "doors or drawers of {} stay closed: other furniture or a wall is drawn into them; move one of the two",
+            blocked.join(", ")
         ));
     }
-    let cleared = clear_surfaces(
+    former.extend(clear_surfaces(
         &mut pieces,
         &mut tables,
         &mut triangles,
         &mut names,
         &shapes,
-    );
-    former.extend(cleared);
+    ));
     for (kind, former) in former {
         if let Some(source) = sources.get(&former).cloned() {
             sources.insert(kind, source);
         }
     }
     sources.retain(|kind, _| tables.contains_key(kind));
+    plates::add_plates(&mut tables);
     let baseboards = house::baseboards(&plan, &walls, &opening_entries, &mut paints);
     if let Some(kind) = baseboards {
         tables.insert("baseboards".into(), kind);

@@ -23,7 +23,7 @@ pub(super) struct Stock {
 /// The objects of tasks, in the order in which tasks use them.
 pub(super) const STOCK: [Stock; 7] = [
     stock("mustard", "mustard", 0.45, 0.26, 20.0),
-    stock("blue_mug", "blue mug", 0.3, 0.3, 45.0),
+    stock("blue_mug", "blue mug", 0.3, 0.3, 20.0),
     stock("tomato_soup", "tomato soup", 0.3, 0.2, 180.0),
     stock("silver_bottle", "silver bottle", 0.5, 0.2, 180.0),
     stock("coke", "can of cola", 0.3, 0.2, 180.0),
