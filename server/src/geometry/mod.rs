@@ -12,8 +12,7 @@ mod prism;
 pub mod tetrahedra;
 pub mod texture;
 
-pub(crate) use load::check_glb_length;
-use load::load_packed;
+pub(crate) use load::{check_glb_length, load_packed};
 pub(crate) use load_normals::box_uvs;
 pub use packed_file::PackedFile;
 

@@ -2,7 +2,7 @@
 //! until the chair is at rest.
 //!
 //! The arm stays home on the way. Where the chair finds no place or no path with it, and the
-//! robot has a travel posture, the arm is stowed first and comes home at the stop.
+//! robot has a travel posture, the arm is stowed first and returns home at the stop.
 
 use std::collections::BTreeSet;
 
@@ -73,7 +73,7 @@ enum State {
     Rest {
         since: f64,
     },
-    /// The arm comes home after a drive in the travel posture.
+    /// The arm returns home after a drive in the travel posture.
     Unfold {
         since: f64,
     },

@@ -1,4 +1,4 @@
-//! Boxes below surfaces: objects stand on a box, not on a hull. On the top of a wide hull a can
+//! Boxes below surfaces: objects rest on a box, not on a hull. On the top of a wide hull a can
 //! or a bottle tips within 3 s, on a box it sleeps.
 
 use std::collections::BTreeMap;

@@ -11,7 +11,7 @@ use super::home::{Home, Opening, OpeningKind, Owner, Solid};
 /// for wheelchairs.
 pub const DIN_DOORS: [f64; 2] = [0.80, 0.90];
 
-/// What stands this near to a wall may block its door, metres.
+/// Pieces this near to a wall may block its door, metres.
 const BEFORE: f64 = 0.6;
 /// Obstacles count between these heights, metres.
 const HEIGHTS: [f64; 2] = [0.03, 1.9];
@@ -65,7 +65,7 @@ pub fn test(home: &Home, floor: &Floor) -> Vec<DoorReport> {
                 continue;
             };
             let piece = &home.pieces[piece];
-            // The frame of a door is no news; a leaf that closes it is.
+            // A leaf that closes a door is reported, its frame is not.
             let is_frame = clear_width > 0.0 && piece.is_of_opening();
             if !is_frame && !blocked_by.contains(&piece.name) {
                 blocked_by.push(piece.name.clone());

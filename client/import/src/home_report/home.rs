@@ -9,7 +9,7 @@ use wheelarm_proto::exact;
 const OUTDOORS: [&str; 8] = [
     "terrace", "balcony", "garage", "garden", "roof", "attic", "patio", "outside",
 ];
-/// Categories of pieces that nobody moves.
+/// Categories of pieces that are not moved.
 const FIXED: [&str; 17] = [
     "bath",
     "cabinet",

@@ -2,7 +2,7 @@
 //!
 //! A point of a surface counts where a pose that the chair gets to has it in the range of the
 //! arm's base and within 35° of the heading, the reach map has a hand at it, and nothing
-//! stands higher than 0.12 m above the surface on the way. Without the last test shelves are
+//! rises higher than 0.12 m above the surface on the way. Without the last test shelves are
 //! reached through walls. The best edge and its strip are kept with the stops of the chair.
 
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -33,7 +33,7 @@ const TURNS: i32 = 3;
 const STEP: f64 = 0.04;
 /// The grasp point is this high above the surface, metres.
 const GRASP: f64 = 0.08;
-/// The hand comes from, and lifts to, this height above the grasp, metres.
+/// The hand starts from, and lifts to, this height above the grasp, metres.
 const LIFT: f64 = 0.15;
 /// Before a level grasp, the hand is this far back, metres.
 const STANDOFF: f64 = 0.12;
@@ -50,7 +50,7 @@ pub enum Reason {
     TooSmall,
     /// The arm reaches no hand at this height.
     OutOfReach,
-    /// Something stands between the arm and the surface.
+    /// Something is between the arm and the surface.
     Covered,
     /// No free floor before the surface.
     NoFloor,

@@ -122,7 +122,7 @@ fn a_table_in_the_open_is_reached_from_a_stop_that_is_free() {
             (Some("kitchen"), None)
         );
         let strip = found.strip.as_ref().expect("a strip");
-        // The wall is behind it: the chair comes from the south or a side.
+        // The wall is behind it: the chair arrives from the south or a side.
         assert!(strip.inwards > -0.1 && strip.width > 0.3, "{strip:?}");
         for [x, y, heading] in strip.stops.iter().copied() {
             let stop = Pose2 { x, y, heading };

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::spot::Spot;
 
-/// An object of the assets that stands upright.
+/// An upright object of the assets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Stock {
     /// Name of its file in `assets/objects`.
@@ -73,10 +73,10 @@ fn in_turn(spots: Vec<Spot>, most: usize) -> (Vec<Spot>, Vec<Spot>) {
                 .then_with(|| a.piece.cmp(&b.piece))
                 .then(a.number.cmp(&b.number))
         });
-        let mut seen = BTreeSet::new();
+        let mut chosen_categories = BTreeSet::new();
         let (first, others): (Vec<Spot>, Vec<Spot>) = spots
             .into_iter()
-            .partition(|spot| seen.insert(spot.category.clone()));
+            .partition(|spot| chosen_categories.insert(spot.category.clone()));
         queues.push([first, others].concat().into_iter());
     }
     let mut chosen = Vec::new();

@@ -12,7 +12,7 @@ const NEAREST: f64 = 0.09;
 const FURTHEST: f64 = 0.22;
 /// Distance of an object's middle from the other edge, metres.
 const BEHIND: f64 = 0.08;
-/// Distance of an object's middle from what stands higher than the surface, metres: its radius
+/// Distance of an object's middle from what is higher than the surface, metres: its radius
 /// and the gap that areas demand.
 const APART: f64 = 0.08;
 /// Height of a tall object, metres.
