@@ -213,7 +213,7 @@ const fn category(word: &'static str, carries: bool, names: &'static [&'static s
 
 /// Categories; the first match counts.
 #[rustfmt::skip]
-const CATEGORIES: [Category; 52] = [
+const CATEGORIES: [Category; 51] = [
     category("washbasin", true, &["washbasin", "waschbecken", "waschtisch", "lavabo", "lavandino", "wastafel"]),
     category("washing_machine", true, &["clotheswasher", "washing", "waschmaschine", "lave linge", "lave-linge", "lavadora", "lavatrice", "dryer"]),
     category("dishwasher", true, &["dishwasher", "spulmaschine", "geschirrspul", "lave-vaisselle", "lavavajillas", "lavastoviglie"]),

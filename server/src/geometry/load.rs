@@ -49,7 +49,7 @@ pub fn load(path: &Path) -> Result<TriMesh, MeshError> {
 ///
 /// # Errors
 /// As [`load`].
-pub(super) fn load_packed(file: &PackedFile, scale: &[f64; 3]) -> Result<TriMesh, MeshError> {
+pub(crate) fn load_packed(file: &PackedFile, scale: &[f64; 3]) -> Result<TriMesh, MeshError> {
     let named = file.asset_path();
     let path = Path::new(&named);
     let mut soup = match file.path().rsplit_once('.') {
