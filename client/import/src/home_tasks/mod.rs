@@ -158,7 +158,7 @@ pub fn add(pack: &Pack, robot: TaskRobot<'_>) -> Result<HomeTasks, NoTasks> {
     let mut new: BTreeMap<&str, ObjectEntry> = BTreeMap::new();
     let mut names = files::TaskNames::default();
     let mut files = pack.files().clone();
-    files.retain(|path, _| path.contains('/') && !path.starts_with("kinds/"));
+    files.retain(|path, _| !path.starts_with("kinds/"));
     let mut tasks = Vec::new();
     let mut within = 0;
     for (index, spot) in chosen.iter().enumerate() {

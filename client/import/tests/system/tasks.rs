@@ -114,13 +114,17 @@ fn equal_homes_give_equal_tasks() {
 
 #[test]
 fn authored_home_keeps_its_files_and_objects() {
-    let before = Pack::open(&root().join("tests/data/flat")).unwrap();
+    let flat = Pack::open(&root().join("tests/data/flat")).unwrap();
+    let mut files = flat.files().clone();
+    files.insert("README.md".into(), b"A flat.".to_vec());
+    let before = Pack::from_files(files).unwrap();
     let found = added(&before);
     check(&found);
     for path in [
         "areas/flat_table.toml",
         "tasks/pick_jar.toml",
         "objects/jar.toml",
+        "README.md",
     ] {
         assert_eq!(found.pack.file(path), before.file(path), "{path}");
     }
