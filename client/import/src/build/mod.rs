@@ -1,6 +1,5 @@
 //! Assembles a pack from a home: kinds, rooms, walls, pieces, start, camera, sources.
 
-mod blocked;
 mod clear;
 mod house;
 mod kinds;
@@ -9,6 +8,7 @@ mod painter;
 mod plates;
 mod sources;
 mod start;
+mod stuck;
 
 use std::collections::BTreeMap;
 
@@ -26,11 +26,11 @@ use crate::raster::Point3;
 use crate::rooms::{self, Names, PlanRoom};
 use crate::sh3d::{Home, Piece, PieceKind};
 use crate::words::{self, Category};
-use blocked::fix_blocked_leaves;
 use clear::{Shape, clear_surfaces};
 use kinds::{Built, Kinds, Passage};
 use sources::{license, manifest, origin};
 use start::{start_and_camera, wall_obstacles};
+use stuck::fix_stuck_leaves;
 
 /// Largest coordinate of a piece, metres: that of packs less a margin.
 const FARTHEST: f64 = 49.0;
@@ -207,17 +207,17 @@ pub fn assemble(
         meshes,
         ..
     } = kinds;
-    let (mut former, blocked) = fix_blocked_leaves(
+    let (mut former, stuck) = fix_stuck_leaves(
         &mut pieces,
         &mut tables,
         &mut triangles,
         &mut names,
         &shapes,
     );
-    if !blocked.is_empty() {
+    if !stuck.is_empty() {
         summary.notes.push(format!(
             "doors or drawers of {} stay closed: other furniture or a wall is drawn into them; move one of the two",
-            blocked.join(", ")
+            stuck.join(", ")
         ));
     }
     former.extend(clear_surfaces(

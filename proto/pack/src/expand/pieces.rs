@@ -65,8 +65,8 @@ pub(super) fn piece(
         .as_deref()
         .map(|collision| scaled("collision", collision))
         .transpose()?;
-    let shapes = collision.iter().flatten().enumerate();
-    for (i, shape) in shapes.filter(|(_, shape)| shape.mesh.is_some()) {
+    let mut shapes = collision.iter().flatten().enumerate();
+    if let Some((i, shape)) = shapes.find(|(_, shape)| shape.mesh.is_some()) {
         return Err(kind_place.entry("collision", i).key("mesh").wrong(
             format!(
                 "{:?}",

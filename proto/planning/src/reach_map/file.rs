@@ -128,7 +128,8 @@ impl ReachMap {
         let [x, y, z, i, j, k, w] = numbers;
         let rotation = Quaternion::new(w, i, j, k);
         let is_near = [x, y, z].iter().all(|v| v.abs() <= FURTHEST_MOUNT);
-        if !is_near || !((rotation.norm() - 1.0).abs() < 1e-6) {
+        let is_rotation = (rotation.norm() - 1.0).abs() < 1e-6;
+        if !is_near || !is_rotation {
             return Err(ReachMapError::Mount);
         }
         let (source, table) = rest.split_at(DIGEST);
