@@ -62,7 +62,7 @@ POLICY_SEED ?= 557
 POLICY_TASK ?= pick_tomato_soup
 PLAN ?= assets/campaigns/small.toml
 # More than two: most system tests wait for a server.
-TEST_THREADS ?= $(shell n=$$(nproc); echo $$((n > 4 ? n : 4)))
+TEST_THREADS ?= $(shell n=$$(nproc); echo $$((n > 3 ? n : 3)))
 # Examples that tests run; clippy checks the others.
 RUN_EXAMPLES := --example camera --example memory --example policy
 # GNU make 4.4 would give cargo its own two jobs.
