@@ -41,7 +41,7 @@ pub fn attach(assets: &Path, packs: &PackStore, scenario: &mut Scenario) -> Resu
                 format!(
                     "the scenario names the pack {wanted}, and the server finds {found}; put that \
                      pack into a folder of --packs ({}), send it with `wheelarm pack put`, or \
-                     leave `packs` out to use what is there",
+                     leave `packs` out to use the packs of the server",
                     folders(packs)
                 )
             })?)

@@ -1,4 +1,4 @@
-//! Tasks of imported and authored homes: files that name what is there.
+//! Tasks of imported and authored homes, whose files name existing objects and surfaces.
 
 use std::path::{Path, PathBuf};
 
