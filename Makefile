@@ -51,6 +51,8 @@
 # make train-multiplied   the same training on ten episodes, on the episodes multiplied from them,
 #                    and on as many of the expert, likewise (RUN=data/multiplied)
 # make bench   step, kinematics, cameras and recording with their references
+# make bench-campaign   campaigns on a big GPU, three rounds, in data/bench-campaign; AGAINST=FILE
+#                       compares with the report.json of a former run
 
 CARGO ?= cargo
 OUT ?= data/demo
@@ -79,7 +81,7 @@ export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 # Settings of another server in this shell must not affect servers that are started here.
 unexport WHEELARM_CONNECT WHEELARM_KEYS WHEELARM_SIM WHEELARM_USER
 
-.PHONY: all build static demo test test-learn lints suites contract test-cluster test-readers test-data test-original test-adversarial test-hashes test-import test-expert test-variety soak train-mustard train-tasks train-multiplied demo-policy bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean
+.PHONY: all build static demo test test-learn lints suites contract test-cluster test-readers test-data test-original test-adversarial test-hashes test-import test-expert test-variety soak train-mustard train-tasks train-multiplied demo-policy bench bench-campaign test-rosbag2 dist test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean
 all: build
 
 build:
@@ -133,7 +135,6 @@ suites:
 	rm -rf "$(WHEELARM_CACHE)"
 	RUST_TEST_THREADS=$(TEST_THREADS) $(ALONE) $(CARGO) test --release --workspace $(WITHOUT_LEARN) --lib --bins --tests
 	PYTHONPATH=client/python/src "$(WHEELARM_PYTHON)" -m pytest -q -m "not slow" client/python/tests
-	$(ALONE) $(CARGO) test --release --workspace $(WITHOUT_LEARN) --doc
 
 test-learn:
 	scripts/setup.sh
@@ -256,6 +257,9 @@ bench:
 	scripts/setup.sh python numpy h5py mujoco
 	$(CARGO) build --release --workspace $(WITHOUT_LEARN) --bins --examples
 	tests/bench.sh
+
+bench-campaign: build
+	tests/bench/device.sh "$(BUILT)" assets data/bench-campaign --rounds 3 --seconds 1500 --into memory $(if $(AGAINST),--against "$(AGAINST)")
 
 clean:
 	$(CARGO) clean

@@ -26,7 +26,7 @@ env -u WHEELARM_PYTHON -u CARGO_TARGET_DIR -u MAKEFLAGS -u MAKELEVEL \
 read -ra targets <<<"$(sed -n 's/^\.PHONY: //p' Makefile)"
 for target in "${targets[@]}"; do
     make --no-print-directory -C "$copy" -n "$target" CARGO=true BUILD_TEST= SCRIPTS="$folder/a folder" WHEEL="$folder/a folder" \
-        OUT="$folder/a folder" RUN="$folder/a folder" PLAN="$folder/a folder" CARGO_TARGET_DIR="$folder/a folder" >"$folder/commands"
+        OUT="$folder/a folder" RUN="$folder/a folder" PLAN="$folder/a folder" AGAINST="$folder/a folder" CARGO_TARGET_DIR="$folder/a folder" >"$folder/commands"
     # shellcheck disable=SC2016 # Programs for another shell.
     if tr -d '\\\n' <"$folder/commands" | sed 's/"[^"]*"//g' | grep -F "a folder" >/dev/null; then
         echo "make $target uses a path without quotes:" >&2

@@ -3,14 +3,16 @@
 device.py [--programs DIR] [--assets DIR] [--memory /dev/shm] [--disk DIR]
           [--out DIR] [--seconds 460] [--simulated 100] [--worker process]
           [--kinds small 720p 720p-u16] [--into memory disk] [--per-core 0.75]
-          [--scratch DIR]
+          [--scratch DIR] [--rounds 1] [--against report.json]
 
 Needs only Python's standard library and the programs `wheelarm`, `wheelarm-server`
 and `wheelarm-worker`. Each row is one campaign: simulated seconds in the dataset over
 wall seconds, including start and manifest. Rows with fewer cards than the host has use
 the same share of its cores. The content of a file is dropped as soon as the campaign
-has checked and registered it. Writes `report.md` and `report.json` to --out. Exit code
-1 when a row misses its goal, 2 when a row could not be measured.
+has checked and registered it. With --rounds N the rows run N times, in turn: each shows
+its median, and the least and greatest rate. With --against a former `report.json` each row
+also shows its ratio to that. Writes `report.md` and `report.json` to --out. Exit code 1 when
+a row misses its goal, 2 when a row could not be measured.
 """
 
 import argparse
@@ -20,6 +22,7 @@ import os
 import re
 import resource
 import shutil
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -53,7 +56,7 @@ KINDS = {
 }
 # Multiples of real time, summed: one large GPU with 16 cores; and per core of a host
 # that renders on the CPU.
-GOALS = {("small", 1, "memory"): 60.0, ("720p", 1, "memory"): 27.0, ("720p-u16", 1, "memory"): 34.0}
+GOALS = {("small", 1, "memory"): 130.0, ("720p", 1, "memory"): 60.0, ("720p-u16", 1, "memory"): 70.0}
 CORE_GOALS = {("small", 1, "memory"): 3.0}
 # Two GPUs with twice the cores relative to one GPU.
 SCALING = 1.9
@@ -184,21 +187,52 @@ def campaign(options, kind, adapters, cores, place, simulated, deadline):
 
 
 def table(rows):
-    head = "| images | cards | cores | workers | into | x real time | goal | simulated s | MB/s | disk alone MB/s | CPU ms per simulated s | missed |"
-    lines = [head, "|" + " --- |" * (head.count("|") - 1)]
+    """Markdown of rows that `summary` made."""
+    head = "| images | cards | cores | workers | into | x real time | least to greatest | goal | former | simulated s | MB/s | disk alone MB/s | CPU ms per simulated s | missed |"
+    columns = head.count("|") - 1
+    lines = [head, "|" + " --- |" * columns]
     for row in rows:
-        name = f"| {row['pictures']} | {row['cards']} |"
+        cells = [row["pictures"], row["cards"]]
         if "problem" in row:
-            lines.append(f"{name} | | {row['into']} | not measured: {row['problem'].splitlines()[0]} | | | | | | |")
-            continue
-        goal = "" if row["goal"] is None else f">= {row['goal']:.1f}"
-        disk = row["disk_megabytes_per_second"]
-        lines.append(
-            f"{name} {row['cores']} | {row['workers']} | {row['into']} | {row['factor']:.1f} | {goal} "
-            f"| {row['simulated']:.0f} | {row['megabytes_per_second']:.0f} | {'' if disk is None else f'{disk:.0f}'} "
-            f"| {row['cpu_ms_per_simulated_second']:.0f} | {row['missed']} |"
-        )
+            cells += ["", "", row["into"], f"not measured: {row['problem'].splitlines()[0]}"]
+        else:
+            shown = lambda value, form: "" if value is None else format(value, form)
+            cells += [row["cores"], row["workers"], row["into"], f"{row['factor']:.1f}"]
+            cells.append(f"{min(row['factors']):.1f} to {max(row['factors']):.1f}" if len(row["factors"]) > 1 else "")
+            cells.append("" if row["goal"] is None else f">= {row['goal']:.1f}")
+            cells.append("" if row["former"] is None else f"{row['former']:.1f} ({row['factor'] / row['former']:.2f} x)")
+            cells += [f"{row['simulated']:.0f}", f"{row['megabytes_per_second']:.0f}"]
+            cells += [shown(row["disk_megabytes_per_second"], ".0f"), f"{row['cpu_ms_per_simulated_second']:.0f}", row["missed"]]
+        cells += [""] * (columns - len(cells))
+        lines.append("| " + " | ".join(str(cell) for cell in cells) + " |")
     return "\n".join(lines)
+
+
+def key(row):
+    return row["pictures"], row["cards"], row["into"]
+
+
+def summary(rounds, former):
+    """One row of its rounds: the one with the median rate, and the rates of all."""
+    done = sorted((row for row in rounds if "factor" in row), key=lambda row: row["factor"])
+    if not done:
+        return dict(rounds[-1])
+    row = dict(done[(len(done) - 1) // 2])
+    row["factors"] = [one["factor"] for one in done]
+    row["factor"] = statistics.median(row["factors"])
+    row["missed"] = max(one["missed"] for one in done)
+    row["former"] = former.get(key(row))
+    failed = [one["problem"] for one in rounds if "problem" in one]
+    return row | dict(problem=failed[0]) if failed else row
+
+
+def rates(path):
+    """Rates of a former `report.json` by row."""
+    try:
+        rows = json.loads(path.read_text())["rows"]
+        return {key(row): row["factor"] for row in rows if "factor" in row}
+    except (OSError, ValueError, KeyError, TypeError) as problem:
+        sys.exit(f"cannot read {path}: {problem}; name a report.json that this program wrote")
 
 
 def main():
@@ -216,7 +250,10 @@ def main():
     options.add_argument("--per-core", type=float, help="workers per core, instead of the kind's default")
     options.add_argument("--into", nargs="+", default=["memory", "disk"], choices=["memory", "disk"])
     options.add_argument("--kinds", nargs="+", default=list(KINDS), choices=list(KINDS))
+    options.add_argument("--rounds", type=int, default=1, help="times that every row is measured, in turn")
+    options.add_argument("--against", type=Path, help="report.json of a former run to compare with")
     options = options.parse_args()
+    former = rates(options.against) if options.against else {}
     options.out.mkdir(parents=True, exist_ok=True)
     deadline = time.monotonic() + options.seconds
     found = cards(options.programs)
@@ -226,8 +263,8 @@ def main():
     wanted = [(kind, count, "memory") for kind in options.kinds for count in counts]
     wanted += [(kind, counts[-1], "disk") for kind in options.kinds]
     wanted = [row for row in wanted if row[2] in options.into]
-    rows = []
-    for kind, count, into in wanted:
+    rounds, rows = [], []
+    for kind, count, into in wanted * max(1, options.rounds):
         share = cores[: max(1, len(cores) * count // counts[-1])]
         adapters = [index for index, _ in found[:count]]
         # A disk is slower, and a longer run gives the same result.
@@ -244,8 +281,9 @@ def main():
                 row["goal"] = SCALING * one["factor"] if one else None
         except (OSError, RuntimeError, subprocess.SubprocessError) as problem:
             row["problem"] = str(problem)
-        rows.append(row)
-        print(table([row]).splitlines()[-1], flush=True)
+        rounds.append(row)
+        rows = [summary([row for row in rounds if key(row) == each], former) for each in dict.fromkeys(map(key, rounds))]
+        print(table([summary([row], former)]).splitlines()[-1], flush=True)
         text = table(rows)
         (options.out / "report.md").write_text(text + "\n")
         report = dict(cores=len(cores), adapters=[name for _, name in found], rows=rows)

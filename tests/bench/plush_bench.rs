@@ -20,6 +20,7 @@ use wheelarm_server::sensors::camera::{
 };
 use wheelarm_server::snapshot::{BodyRef, Snapshot};
 use wheelarm_server::world::{GRAVITY, World};
+use wheelarm_tests::cpu::thread_seconds;
 
 #[derive(Parser)]
 struct Options {
@@ -101,9 +102,9 @@ fn main() -> Result<()> {
         let input = input(tick, &hand, &options);
         for targets in &control.update(&input, &snapshot) {
             world.apply(targets);
-            let begin = cpu_seconds();
+            let begin = thread_seconds();
             world.step();
-            spent += cpu_seconds() - begin;
+            spent += thread_seconds() - begin;
         }
         let snapshot = world.snapshot();
         let height = snapshot.objects[0].pose.translation.z - place.translation.z;
@@ -153,13 +154,6 @@ fn main() -> Result<()> {
         std::fs::write(out.join("bear_grasp.csv"), table)?;
     }
     Ok(())
-}
-
-/// Processor time of this thread; 0 where the system does not say.
-fn cpu_seconds() -> f64 {
-    let stat = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
-    let nanos = stat.split(' ').next().and_then(|n| n.parse::<f64>().ok());
-    nanos.unwrap_or(0.0) * 1e-9
 }
 
 /// Control input of a control tick.

@@ -10,6 +10,7 @@ use std::time::Instant;
 
 use anyhow::{Context as _, Result};
 use course::{CONTROL_TICKS, Course};
+use wheelarm_tests::cpu::thread_seconds;
 
 fn main() -> Result<()> {
     let assets = std::env::args_os()
@@ -21,7 +22,7 @@ fn main() -> Result<()> {
     let mut stepping = Vec::with_capacity(CONTROL_TICKS as usize * 4);
     let (mut controlling, mut looking, mut contacts) = (0.0, 0.0, 0);
     let mut checking = 0.0;
-    let processor = cpu_seconds();
+    let processor = thread_seconds();
     for control_tick in 0..CONTROL_TICKS {
         let begin = Instant::now();
         let snapshot = world.snapshot();
@@ -45,7 +46,7 @@ fn main() -> Result<()> {
         }
     }
     let ticks = stepping.len() as f64;
-    let processor = (cpu_seconds() - processor) / ticks * 1e6;
+    let processor = (thread_seconds() - processor) / ticks * 1e6;
     let mean = stepping.iter().sum::<f64>() / ticks;
     stepping.sort_by(f64::total_cmp);
     let at = |fraction: f64| stepping[((ticks - 1.0) * fraction) as usize];
@@ -76,11 +77,4 @@ fn main() -> Result<()> {
         reach,
     );
     Ok(())
-}
-
-/// Processor time of this thread; 0 where the system does not say.
-fn cpu_seconds() -> f64 {
-    let stat = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
-    let nanos = stat.split(' ').next().and_then(|n| n.parse::<f64>().ok());
-    nanos.unwrap_or(0.0) * 1e-9
 }

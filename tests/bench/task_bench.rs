@@ -15,6 +15,7 @@ use wheelarm_server::robot::control::{
 };
 use wheelarm_server::sim::{Scenario, Simulation};
 use wheelarm_server::tasks;
+use wheelarm_tests::cpu::thread_seconds;
 
 fn main() -> Result<()> {
     let arguments: Vec<_> = std::env::args().collect();
@@ -31,12 +32,12 @@ fn main() -> Result<()> {
             ..Scenario::default()
         };
         let mut sim = Simulation::new(&assets, scenario)?;
-        let (begin, processor) = (Instant::now(), cpu_seconds());
+        let (begin, processor) = (Instant::now(), thread_seconds());
         for tick in 0..60 * seconds {
             sim.step(&input(tick));
         }
         let wall = seconds as f64 / begin.elapsed().as_secs_f64();
-        let used = cpu_seconds() - processor;
+        let used = thread_seconds() - processor;
         // Without CPU time from the system, use wall time.
         let cpu = if used > 0.0 {
             seconds as f64 / used
@@ -59,13 +60,6 @@ fn main() -> Result<()> {
         slowest.1, slowest.0
     );
     Ok(())
-}
-
-/// Processor time of this thread; 0 where the system does not say.
-fn cpu_seconds() -> f64 {
-    let stat = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
-    let nanos = stat.split(' ').next().and_then(|n| n.parse::<f64>().ok());
-    nanos.unwrap_or(0.0) * 1e-9
 }
 
 /// A second of driving, then waving while the chair rocks on the spot.

@@ -2,6 +2,7 @@
 //! test, and a network that can be slow, frozen or cut.
 
 pub mod adversary;
+pub mod cpu;
 pub mod decoders;
 pub mod exported;
 pub mod mutate;

@@ -467,21 +467,22 @@ fn a_look_changes_only_colours_and_glass_keeps_depth_and_id() {
     for (body, object) in now.objects.iter_mut().zip(&home.objects) {
         body.pose = object.pose;
     }
+    let scenes = [0, 1, 2].map(|seed| {
+        let appearance = Appearance {
+            seed,
+            light: 3,
+            background: 3,
+            materials: 3,
+            exposure: 3,
+            ..Appearance::default()
+        };
+        let appearance =
+            (seed > 0).then(|| SampledAppearance::new(appearance, &home, &assets).unwrap());
+        RenderScene::with_appearance(&robot, &home, &assets, appearance.as_ref()).unwrap()
+    });
     for quality in [Quality::Draft, Quality::Standard, Quality::High] {
-        let image = |seed| {
-            let appearance = Appearance {
-                seed,
-                light: 3,
-                background: 3,
-                materials: 3,
-                exposure: 3,
-                ..Appearance::default()
-            };
-            let appearance =
-                (seed > 0).then(|| SampledAppearance::new(appearance, &home, &assets).unwrap());
-            let scene =
-                RenderScene::with_appearance(&robot, &home, &assets, appearance.as_ref()).unwrap();
-            let frame = renderer(&scene, &cameras, quality)?.render(&now, &[0]);
+        let image = |seed: usize| {
+            let frame = renderer(&scenes[seed], &cameras, quality)?.render(&now, &[0]);
             Some(frame.unwrap().remove(0))
         };
         let Some(plain) = image(0) else {
