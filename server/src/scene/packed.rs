@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use wheelarm_pack::{FurnitureEntry, Pack};
+use wheelarm_pack::{FurnitureEntry, HomeFile, Pack, PlaceEntry};
 
 use super::error::{Place, SceneError};
 use super::file::SceneFile;
@@ -64,7 +64,21 @@ fn scene_file(pack: &Pack) -> Result<SceneFile, SceneError> {
         start: home.start.clone(),
         furniture: pack.furniture().map_err(Box::new)?,
         object: home.object.clone(),
+        place: home.place.iter().map(|place| spoken(home, place)).collect(),
     })
+}
+
+/// A place with the kind of its room, or with the name of a room of unknown kind.
+fn spoken(home: &HomeFile, place: &PlaceEntry) -> PlaceEntry {
+    let room = place.room.as_ref().map(|name| {
+        let rooms = home.room.iter();
+        let kind = rooms.filter(|room| room.name == *name).map(|room| &room.kind);
+        kind.filter(|kind| !kind.is_empty()).last().unwrap_or(name).clone()
+    });
+    PlaceEntry {
+        room,
+        ..place.clone()
+    }
 }
 
 fn without_shapes(furniture: FurnitureEntry) -> FurnitureEntry {

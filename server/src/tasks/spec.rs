@@ -2,6 +2,7 @@
 
 use super::area::{AreaSpec, Variant};
 use super::goal::Goal;
+use super::home_query::HomeQuery;
 use super::predicates::AnyPredicate;
 use crate::people::PersonSetting;
 use crate::scene::{Place, Scene, Surface};
@@ -9,8 +10,10 @@ use crate::scene::{Place, Scene, Surface};
 /// A task: target, goal and conditions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TaskSpec {
-    /// Name of the file below assets/tasks.
+    /// Name of the file below assets/tasks or assets/home_tasks.
     pub name: String,
+    /// This file, and that of the area or of the stock, below the assets folder.
+    pub files: Vec<String>,
     /// Its template below assets/templates.
     pub template: String,
     /// Activity of daily living: `serve`, `organize`.
@@ -33,6 +36,8 @@ pub struct TaskSpec {
     pub failure: FailureSpec,
     /// Behaviour of the person, unless the scenario sets it.
     pub waits: WaitSpec,
+    /// It is a query over the places of a home, and has no target, place and conditions yet.
+    pub(super) query: Option<HomeQuery>,
 }
 
 /// Default posture of the person in care tasks.
@@ -137,6 +142,8 @@ impl TaskSpec {
         let needed: Vec<&str> = match self.goal {
             // Furniture always exists.
             Goal::Open(_) | Goal::Close(_) => Vec::new(),
+            // Every variant of a query is a place with an object.
+            _ if self.query.is_some() => Vec::new(),
             Goal::Lift | Goal::Give | Goal::Bring | Goal::Put { .. } => {
                 objects.chain(self.region_name()).collect()
             }
@@ -147,6 +154,6 @@ impl TaskSpec {
 
     /// Place of this task in error messages.
     pub(super) fn place(&self) -> Place {
-        Place::file(&format!("tasks/{}.toml", self.name))
+        Place::file(self.files.first().map_or("", String::as_str))
     }
 }

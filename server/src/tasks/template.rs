@@ -27,7 +27,7 @@ pub(super) enum Verb {
 }
 
 /// A template with the thresholds of one task, before validation.
-#[derive(Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Template {
     origin: String,
@@ -40,14 +40,14 @@ pub(super) struct Template {
     pub person: Option<PersonEntry>,
 }
 
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub(super) struct PersonEntry {
     pub motion: f64,
     pub mouth_open: bool,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 struct ConditionEntry {
     required: bool,
@@ -60,7 +60,7 @@ struct ConditionEntry {
     predicate: Table,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub(super) struct FailureEntry {
     pub drop: f64,

@@ -227,7 +227,11 @@ fn tasks(args: &EvaluateArgs, layout: bool) -> anyhow::Result<Vec<String>> {
         if layout {
             eprintln!("skipped, because they have one layout: {}", one.join(", "));
         }
-        return Ok(if layout { several } else { all });
+        // Tasks of every home are named one by one: what they sample depends on the home.
+        let of_areas = names(listed.iter().filter(|task| !task.area.is_empty()).collect());
+        let chosen = if layout { several } else { all };
+        let of_areas = |name: &String| of_areas.contains(name);
+        return Ok(chosen.into_iter().filter(of_areas).collect());
     }
     let mut tasks = Vec::new();
     for name in each_once(&args.task)? {
