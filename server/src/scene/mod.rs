@@ -23,6 +23,7 @@ pub use folder::{AssetText, texts};
 pub(crate) use folder::{Files, names, parse, parse_packed, provenance, text};
 pub use object::object;
 pub use places::ReachedPlace;
+pub(crate) use places::kind_name;
 pub use soft::Soft;
 
 use std::sync::Arc;

@@ -37,18 +37,23 @@ pub struct ReachedPlace {
     pub along: [f64; 2],
     /// Free height above the surface, metres.
     pub headroom: f64,
+    /// The chair does not get there from the start of the home.
+    pub apart: bool,
     /// Start of the chair: ranges of x and y, metres, and of the yaw, radians.
     pub start: [[f64; 2]; 3],
 }
 
 impl ReachedPlace {
-    /// The kind of its furniture in words, or the name of the furniture.
+    /// The kind of its furniture, or the name of the furniture where it has none.
+    #[must_use]
+    pub fn kind_name(&self) -> String {
+        kind_name(&self.kind, &self.furniture)
+    }
+
+    /// The same in words.
     #[must_use]
     pub fn kind_words(&self) -> String {
-        match self.kind.as_str() {
-            "" | "furniture" => in_words(&self.furniture),
-            kind => in_words(kind),
-        }
+        in_words(&self.kind_name())
     }
 
     /// The room in words; empty outside of rooms.
@@ -67,6 +72,14 @@ impl ReachedPlace {
     }
 }
 
+/// The kind of furniture, or its name without its number where it has none.
+pub(crate) fn kind_name(kind: &str, furniture: &str) -> String {
+    match kind {
+        "" | "furniture" => in_words(furniture).replace(' ', "_"),
+        kind => kind.to_owned(),
+    }
+}
+
 /// A name as words, without its number.
 fn in_words(name: &str) -> String {
     let is_number = |word: &&str| word.bytes().all(|byte| byte.is_ascii_digit());
@@ -81,15 +94,19 @@ impl Scene {
         self.places.iter().find(|place| place.name == name)
     }
 
+    /// The place on a surface.
+    #[must_use]
+    pub fn place_on(&self, surface: &Surface) -> Option<&ReachedPlace> {
+        let on = &self.furniture.get(surface.furniture)?.name;
+        let mut places = self.places.iter();
+        places.find(|place| place.furniture == *on && place.surface == surface.name)
+    }
+
     /// The part of a surface that the robot reaches, or all of it where the scene lists no
     /// place on it: its middle, x inwards, and its half extents, metres.
     #[must_use]
     pub fn reached_part(&self, surface: &Surface) -> (Isometry3<f64>, Vector3<f64>) {
-        let on = self.furniture.get(surface.furniture);
-        let is_on = |place: &&ReachedPlace| {
-            on.is_some_and(|body| body.name == place.furniture) && place.surface == surface.name
-        };
-        let Some(place) = self.places.iter().find(is_on) else {
+        let Some(place) = self.place_on(surface) else {
             let half = Vector3::new(surface.depth / 2.0, surface.width / 2.0, 0.0);
             return (surface.centre(), half);
         };
@@ -140,6 +157,7 @@ impl Scene {
                     "m",
                     "lengths are metres",
                 )?,
+                apart: entry.apart,
                 start: [
                     range(&place.key("start.x"), entry.start.x, [-50.0, 50.0])?,
                     range(&place.key("start.y"), entry.start.y, [-50.0, 50.0])?,

@@ -209,6 +209,7 @@ impl Finder<'_> {
             let to = scene.places.iter().filter(|to| {
                 let first = scene.surface_named(&to.furniture, None);
                 query.fits(to)
+                    && (to.room == place.room || !(to.apart || place.apart))
                     && to.furniture != place.furniture
                     && first.is_some_and(|surface| surface.name == to.surface)
             });
@@ -221,7 +222,7 @@ impl Finder<'_> {
             && from.iter().any(|place| !of_place(place).is_empty())
         {
             return Err(self.refusal(
-                format!("no {to} to put the object on"),
+                format!("no other {to} that the chair gets to with the object"),
                 to.alternatives(scene),
             ));
         }

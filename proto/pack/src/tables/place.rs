@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::part::is_default;
+
 /// A strip of a surface that the robot reaches, and where the chair starts near it. The import
 /// of a home writes them from its report.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
@@ -24,6 +26,9 @@ pub struct PlaceEntry {
     pub along: [f64; 2],
     /// Free height above the surface, metres.
     pub headroom: f64,
+    /// The chair does not get there from the start of the home: it starts in the room.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub apart: bool,
     /// Start of the chair near the place.
     pub start: StartRangesEntry,
 }
