@@ -188,3 +188,44 @@ fn is_hidden(
             && piece.max.z > heights[0]
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+    use std::sync::Arc;
+
+    use wheelarm_pack::Pack;
+
+    use super::*;
+
+    #[test]
+    fn decoration_hangs_on_free_walls_of_rooms() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        let pack = Arc::new(Pack::open(&root.join("tests/data/flat")).unwrap());
+        let scene = Scene::from_pack(&root.join("assets"), &pack).unwrap();
+        let home = pack.home().unwrap();
+        let rooms: Vec<&RoomEntry> = home.room.iter().collect();
+        let spots = spots(home, &rooms, &scene);
+        let of_kind = |kind: Kind| spots.iter().filter(move |spot| spot.kind == kind);
+        // The hall is too narrow for a rug and has no ceiling.
+        assert_eq!(of_kind(Kind::Lamp).count(), 1);
+        assert!(of_kind(Kind::Rug).count() >= 1);
+        assert!(of_kind(Kind::WallImage).count() >= 3);
+        for spot in of_kind(Kind::WallImage) {
+            let [x, y, z] = spot.at;
+            assert!(z < 2.1);
+            let (sin, cos) = exact::sin_cos(spot.along_deg.to_radians());
+            let before = [x + 0.05 * cos, y + 0.05 * sin];
+            let inside = rooms.iter().any(|room| contains(&room.outline, before));
+            assert!(inside, "{spot:?} faces a room");
+            // The window is in the south wall around x = 1.95, the door at y = 1.5.
+            let half = spot.size[0] / 2.0;
+            let on_south = y < 0.1;
+            assert!(!on_south || (x - 1.95).abs() > half + 0.6, "{spot:?}");
+            let on_inner = (x - 5.05).abs() < 0.1;
+            assert!(!on_inner || (y - 1.5).abs() > half + 0.45, "{spot:?}");
+            // The east wall ends at 1.5 m.
+            assert!(x < 6.9, "{spot:?}");
+        }
+    }
+}

@@ -7,8 +7,7 @@ use std::path::Path;
 use super::area::{AreaSpec, PlaceSpec, Range, RestShares, StartSpec, Variant};
 use super::file::TaskFile;
 use super::goal::Goal;
-use super::place_query::PlaceQuery;
-use super::query::Query;
+use super::home_sites::{Finder, HomeQuery, Site};
 use super::random::{fraction, index, shuffle, stream};
 use super::spec::TaskSpec;
 use super::stock::{self, Stock};
@@ -30,34 +29,6 @@ const BEHIND: [f64; 2] = [0.32, 0.6];
 const END: f64 = 0.1;
 /// Otherwise it stands beside the target, on a place of this length, metres.
 const LONG: f64 = 0.5;
-
-/// A task that is a query.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct HomeQuery {
-    template: Template,
-    /// Where it is possible: one for each variant of the area.
-    sites: Vec<Site>,
-    stock: Vec<Stock>,
-}
-
-impl HomeQuery {
-    pub(super) fn template(&self) -> &Template {
-        &self.template
-    }
-}
-
-/// One place of the task.
-#[derive(Clone, Debug, PartialEq)]
-struct Site {
-    /// Name of the variant.
-    name: String,
-    /// Place of the target.
-    from: ReachedPlace,
-    /// Place on which it is put.
-    to: Option<ReachedPlace>,
-    /// Objects of the stock that may be the target, by their indices.
-    targets: Vec<usize>,
-}
 
 /// The scene with the objects of the stock, which are optional, when the task of a file is a
 /// query.
@@ -151,114 +122,6 @@ pub(super) fn read(
             stock,
         },
     )
-}
-
-/// Finds the places of a task.
-struct Finder<'a> {
-    name: &'a str,
-    object: &'a Query,
-    from: &'a PlaceQuery,
-    to: Option<&'a PlaceQuery>,
-    scene: &'a Scene,
-    stock: &'a [Stock],
-}
-
-impl Finder<'_> {
-    fn sites(&self) -> Result<Vec<Site>, SceneError> {
-        let scene = self.scene;
-        let wanted = |stock: &Stock| stock.body(scene).is_some_and(|body| self.object.fits(body));
-        let wanted: Vec<usize> = (0..self.stock.len())
-            .filter(|&i| wanted(&self.stock[i]))
-            .collect();
-        if wanted.is_empty() {
-            let words = self.stock.iter().map(|stock| stock.words.as_str());
-            let words: Vec<&str> = words.collect();
-            return Err(self.refusal(
-                format!("no object with {}", self.object),
-                format!("objects that may stand there: {}", words.join(", ")),
-            ));
-        }
-        let from: Vec<&ReachedPlace> = scene
-            .places
-            .iter()
-            .filter(|place| self.from.fits(place))
-            .collect();
-        if from.is_empty() {
-            return Err(self.refusal(
-                format!("no {}", self.from),
-                self.from.alternatives(scene),
-            ));
-        }
-        let of_place = |place: &ReachedPlace| -> Vec<usize> {
-            let stands = |i: &usize| {
-                let stock = &self.stock[*i];
-                stock.fits(place, scene) && stock.is_of_room(place, self.stock)
-            };
-            wanted.iter().copied().filter(stands).collect()
-        };
-        let mut sites = Vec::new();
-        for place in &from {
-            let targets = of_place(place);
-            if targets.is_empty() {
-                continue;
-            }
-            let Some(query) = self.to else {
-                sites.push(site(place, None, targets));
-                continue;
-            };
-            let to = scene.places.iter().filter(|to| {
-                let first = scene.surface_named(&to.furniture, None);
-                query.fits(to)
-                    && (to.room == place.room || !(to.apart || place.apart))
-                    && to.furniture != place.furniture
-                    && first.is_some_and(|surface| surface.name == to.surface)
-            });
-            sites.extend(to.map(|to| site(place, Some(to), targets.clone())));
-        }
-        if !sites.is_empty() {
-            return Ok(sites);
-        }
-        if let Some(to) = self.to
-            && from.iter().any(|place| !of_place(place).is_empty())
-        {
-            return Err(self.refusal(
-                format!("no other {to} that the chair gets to with the object"),
-                to.alternatives(scene),
-            ));
-        }
-        let words = wanted.iter().map(|&i| self.stock[i].words.as_str());
-        let words: Vec<&str> = words.collect();
-        let kinds = from.iter().map(|place| place.words());
-        let kinds: Vec<String> = kinds.collect();
-        Err(self.refusal(
-            format!("no {} with room for {}", self.from, words.join(" or ")),
-            format!(
-                "too low, too narrow or of another room: {}",
-                kinds.join(", ")
-            ),
-        ))
-    }
-
-    fn refusal(&self, missing: String, available: String) -> SceneError {
-        SceneError::NotOffered {
-            task: self.name.to_owned(),
-            missing,
-            scene: self.scene.name.clone(),
-            available,
-        }
-    }
-}
-
-fn site(from: &ReachedPlace, to: Option<&ReachedPlace>, targets: Vec<usize>) -> Site {
-    Site {
-        name: match to {
-            Some(to) => format!("{}-to-{}", from.name, to.name),
-            None => from.name.clone(),
-        },
-        from: from.clone(),
-        to: to.cloned(),
-        targets,
-    }
 }
 
 fn start(place: &ReachedPlace) -> StartSpec {
@@ -355,8 +218,8 @@ impl TaskSpec {
         for sentence in &mut spec.instructions {
             for (key, words) in [
                 ("{object}", stock[chosen].words.as_str()),
-                ("{from}", &site.from.words()),
-                ("{place}", &to),
+                ("{from}", site.from.words().as_str()),
+                ("{place}", to.as_str()),
             ] {
                 *sentence = sentence.replace(key, words);
             }

@@ -10,7 +10,8 @@ use super::condition::{Name, Threshold};
 use super::context::TARGET;
 use super::file::TaskFile;
 use super::goal::{Goal, JointBounds};
-use super::home_query::{self, HomeQuery};
+use super::home_query;
+use super::home_sites::HomeQuery;
 use super::name_check::check_name;
 use super::spec::{FailureSpec, TaskSpec, WaitSpec};
 use super::stock;
@@ -175,7 +176,7 @@ impl TaskSpec {
     ) -> Result<Self, SceneError> {
         let place = &Place::file(path);
         check_instructions(place, &file.instructions)?;
-        let template = query.template();
+        let template = &query.template;
         let time_limit = file.time_limit.unwrap_or(home_query::TIME_LIMIT);
         Ok(Self {
             name: name.to_owned(),

@@ -27,6 +27,7 @@ mod floor;
 mod goal;
 mod grasp_clearance;
 mod home_query;
+mod home_sites;
 mod load;
 mod name_check;
 mod place_query;

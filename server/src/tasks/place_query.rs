@@ -53,12 +53,12 @@ impl PlaceQuery {
         let mut lists = Vec::new();
         if let Some(kind) = &self.kind {
             let of_kind = scene.places.iter().filter(|place| self.fits_kind(place));
-            lists.push(format!("{}s: {}", plain(kind), counted(of_kind.map(rooms))));
+            lists.push(format!("{}: {}", plural(kind), counted(of_kind.map(rooms))));
         }
         if let Some(room) = &self.room {
             let of_room = scene.places.iter().filter(|place| self.fits_room(place));
             let kinds = of_room.map(ReachedPlace::kind_words);
-            lists.push(format!("{}s: {}", plain(room), counted(kinds)));
+            lists.push(format!("{}: {}", plural(room), counted(kinds)));
         }
         if lists.is_empty() || self.name.is_some() {
             let names = scene.places.iter().map(|place| place.furniture.clone());
@@ -90,6 +90,15 @@ fn is(wanted: &Option<String>, fits: impl FnOnce(&str) -> bool) -> bool {
 /// Lower case, with blanks between words.
 fn plain(text: &str) -> String {
     text.to_lowercase().replace(['_', '-'], " ")
+}
+
+/// The plural of a kind of furniture or room.
+fn plural(kind: &str) -> String {
+    let kind = plain(kind);
+    match kind.strip_suffix('f') {
+        Some(shel) => format!("{shel}ves"),
+        None => format!("{kind}s"),
+    }
 }
 
 /// For example `hall, living room (2)`, or `none`.

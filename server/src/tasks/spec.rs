@@ -2,7 +2,7 @@
 
 use super::area::{AreaSpec, Variant};
 use super::goal::Goal;
-use super::home_query::HomeQuery;
+use super::home_sites::HomeQuery;
 use super::predicates::AnyPredicate;
 use crate::people::PersonSetting;
 use crate::scene::{Place, Scene, Surface};

@@ -35,7 +35,7 @@ use entry::Job;
 use report::Report;
 use runner::Runner;
 use scope::Scope;
-use wheelarm_rollout::launcher::{TaskSources, tasks_of_program};
+use wheelarm_rollout::launcher::{TaskSources, refusal_of_program, tasks_of_program};
 
 pub use args::EvaluateArgs;
 pub use entry::Entry;
@@ -212,11 +212,12 @@ fn skipped(args: &EvaluateArgs, done: &[&Entry], wanted: usize) -> String {
 /// Names of the tasks to run. With the axis `layout`, `all` means the tasks that have several
 /// layouts.
 fn tasks(args: &EvaluateArgs, layout: bool) -> anyhow::Result<Vec<String>> {
-    let listed = tasks_of_program(TaskSources {
+    let sources = TaskSources {
         assets: args.assets.as_deref(),
         packs: &args.packs.packs,
         scene: &args.scene,
-    })?;
+    };
+    let listed = tasks_of_program(sources)?;
     let (several, one): (Vec<_>, Vec<_>) = listed.iter().partition(|task| task.variants.len() > 1);
     let names = |tasks: Vec<&v1::TaskInfo>| {
         let names = tasks.into_iter().map(|task| task.name.clone());
@@ -236,7 +237,12 @@ fn tasks(args: &EvaluateArgs, layout: bool) -> anyhow::Result<Vec<String>> {
     let mut tasks = Vec::new();
     for name in each_once(&args.task)? {
         if !all.iter().any(|task| task == name) {
-            bail!("no task named {name:?}; available: {}", all.join(", "));
+            let reason = refusal_of_program(sources, name)?.unwrap_or_default();
+            bail!(
+                "no task named {name:?} in {}: {reason}; available: {}",
+                args.scene,
+                all.join(", ")
+            );
         }
         if layout && one.iter().any(|task| task == name) {
             bail!(
