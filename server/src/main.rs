@@ -235,7 +235,10 @@ fn print_samples(
     // Variants with the same furniture share scene and floor.
     let mut scenes: Vec<(Vec<String>, Scene, Floor)> = Vec::new();
     for variant in &task.area.variants {
-        if scenes.iter().any(|(furniture, ..)| *furniture == variant.furniture) {
+        if scenes
+            .iter()
+            .any(|(furniture, ..)| *furniture == variant.furniture)
+        {
             continue;
         }
         let mut scene = home.clone();

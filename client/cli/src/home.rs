@@ -153,7 +153,10 @@ fn import(args: &ImportArgs) -> anyhow::Result<String> {
     };
     let name = &options.name;
     writeln!(text, "next: wheelarm-server{packs} --scene {name}")?;
-    writeln!(text, "tasks: wheelarm-server{packs} --scene {name} --list-tasks")?;
+    writeln!(
+        text,
+        "tasks: wheelarm-server{packs} --scene {name} --list-tasks"
+    )?;
     Ok(text)
 }
 

@@ -54,7 +54,10 @@ impl File<'_> {
         })
     }
 
-    pub(crate) fn provenance(&self, texts: [(&str, &Spanned<String>); 2]) -> Result<(), GrammarError> {
+    pub(crate) fn provenance(
+        &self,
+        texts: [(&str, &Spanned<String>); 2],
+    ) -> Result<(), GrammarError> {
         for (key, text) in texts {
             if text.get_ref().trim().is_empty() {
                 return Err(self.wrong(&text.span(), key, "empty", "its origin and its licence"));
@@ -98,7 +101,11 @@ impl File<'_> {
     }
 
     /// A text with slots of these.
-    pub(crate) fn pattern(&self, text: &Spanned<String>, allowed: &[Slot]) -> Result<Pattern, GrammarError> {
+    pub(crate) fn pattern(
+        &self,
+        text: &Spanned<String>,
+        allowed: &[Slot],
+    ) -> Result<Pattern, GrammarError> {
         let listed: Vec<String> = Slot::ALL
             .iter()
             .filter(|(_, slot)| allowed.contains(slot))

@@ -163,7 +163,10 @@ impl Home {
             let area = own.area.clone().or(model.and_then(|m| m.area.clone()));
             let turn = own.yaw_deg.to_radians();
             let is_area = area.as_deref() == Some(&own.name);
-            let places = file.place.iter().filter(|place| place.on == own.name && !is_area);
+            let places = file
+                .place
+                .iter()
+                .filter(|place| place.on == own.name && !is_area);
             for place in places {
                 self.areas.extend(reached(own, turn, place));
             }

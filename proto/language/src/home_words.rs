@@ -117,7 +117,9 @@ impl Grammar {
             true => Vec::new(),
             false => texts(&self.homes.rooms, &area.room),
         };
-        let like = all.iter().filter(|other| other.has_leaves == area.has_leaves);
+        let like = all
+            .iter()
+            .filter(|other| other.has_leaves == area.has_leaves);
         let same_kind = |other: &&&Area| texts(&self.homes.furniture, &other.kind) == kinds;
         let is_only = like.filter(same_kind).count() == 1;
         let mut names: Vec<(String, bool)> = Vec::new();
@@ -141,7 +143,11 @@ impl Grammar {
             };
             let place = place(&area.name, &text, prepositions, of);
             self.know(&place.words);
-            self.know([&place.on, &place.from, &place.understood].into_iter().flatten());
+            self.know(
+                [&place.on, &place.from, &place.understood]
+                    .into_iter()
+                    .flatten(),
+            );
             self.places.push(place);
             if !area.has_leaves && !area.furniture.is_empty() {
                 let names = Names::Goal(area.furniture.clone());

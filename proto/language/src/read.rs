@@ -20,7 +20,15 @@ impl Grammar {
     /// When one of them is invalid.
     pub fn read(text: &dyn Fn(&str) -> Option<String>) -> Result<Self, GrammarError> {
         let all = FILES.map(|name| (name, text(name)));
-        let [nouns, places, phrases, reasons, politeness, homes, verbs @ ..] = &all;
+        let [
+            nouns,
+            places,
+            phrases,
+            reasons,
+            politeness,
+            homes,
+            verbs @ ..,
+        ] = &all;
         let mut out = Self {
             colours: Vec::new(),
             nouns: Vec::new(),

@@ -125,9 +125,8 @@ fn picture(
     let sign = if left { 1.0 } else { -1.0 };
     let facing = [-along[1] * sign, along[0] * sign];
     let half = wall.thickness / 2.0;
-    let at = |s: f64, off: f64| {
-        [0, 1].map(|i| wall.from[i] + along[i] * s + facing[i] * (half + off))
-    };
+    let at =
+        |s: f64, off: f64| [0, 1].map(|i| wall.from[i] + along[i] * s + facing[i] * (half + off));
     let mut taken: Vec<[f64; 2]> = home
         .opening
         .iter()
@@ -144,7 +143,9 @@ fn picture(
     for [begin, end] in taken {
         let free = begin - from;
         let s = from + free / 2.0;
-        let room = rooms.iter().position(|r| contains(&r.outline, at(s, BEFORE)));
+        let room = rooms
+            .iter()
+            .position(|r| contains(&r.outline, at(s, BEFORE)));
         let is_longer = best.is_none_or(|(most, ..)| free > most);
         if let Some(room) = room.filter(|_| free >= STRETCH.max(size[0] + 0.2) && is_longer)
             && !is_hidden(pieces, at(s, 0.0), along, facing, size)

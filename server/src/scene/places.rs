@@ -83,7 +83,10 @@ pub(crate) fn kind_name(kind: &str, furniture: &str) -> String {
 /// A name as words, without its number.
 fn in_words(name: &str) -> String {
     let is_number = |word: &&str| word.bytes().all(|byte| byte.is_ascii_digit());
-    let words: Vec<&str> = name.split(['_', '-', ' ']).filter(|w| !is_number(w)).collect();
+    let words: Vec<&str> = name
+        .split(['_', '-', ' '])
+        .filter(|w| !is_number(w))
+        .collect();
     words.join(" ")
 }
 
@@ -140,7 +143,11 @@ impl Scene {
             let (depth, half) = (surface.depth, surface.width / 2.0);
             let category = &self.furniture[surface.furniture].category;
             let kind = entry.kind.as_ref().unwrap_or(category).clone();
-            let yaw = range(&place.key("start.yaw_deg"), entry.start.yaw_deg, [-360.0, 360.0])?;
+            let yaw = range(
+                &place.key("start.yaw_deg"),
+                entry.start.yaw_deg,
+                [-360.0, 360.0],
+            )?;
             let several = entries.iter().filter(|other| other.on == entry.on).count() > 1;
             let read = ReachedPlace {
                 name: self.free_name(&entry.on, several.then_some(&entry.surface)),
@@ -209,7 +216,8 @@ impl Scene {
         };
         let known = names(assets, "objects")?;
         for kind in kinds {
-            let is_taken = self.object_named(kind).is_some() || self.furniture_named(kind).is_some();
+            let is_taken =
+                self.object_named(kind).is_some() || self.furniture_named(kind).is_some();
             if is_taken || !known.iter().any(|known| known == kind) {
                 continue;
             }
@@ -227,7 +235,11 @@ impl Scene {
 }
 
 /// A range of numbers within limits.
-fn range(place: &Place, [min, max]: [f64; 2], [low, high]: [f64; 2]) -> Result<[f64; 2], SceneError> {
+fn range(
+    place: &Place,
+    [min, max]: [f64; 2],
+    [low, high]: [f64; 2],
+) -> Result<[f64; 2], SceneError> {
     for value in [min, max] {
         place.within(value, low, high, "", "give [least, greatest] within these")?;
     }

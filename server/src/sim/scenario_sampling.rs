@@ -16,10 +16,7 @@ use crate::tasks::{self, Floor, SceneSample, TaskSample, TaskSpec, Variant};
 
 /// The variant of a task's area: the named one, else the one whose objects the scenario
 /// places, else a sampled one.
-fn variant<'a>(
-    task: &'a TaskSpec,
-    scenario: &Scenario,
-) -> Result<&'a Variant, SimError> {
+fn variant<'a>(task: &'a TaskSpec, scenario: &Scenario) -> Result<&'a Variant, SimError> {
     let offering = || task.variants();
     let given = match &scenario.variant {
         Some(name) => offering().find(|variant| variant.name == *name),

@@ -147,7 +147,11 @@ fn every_object(scene: &Scene, stock: &[Stock], place: &ReachedPlace) -> Vec<Pla
             rest: RestShares::default(),
         },
     };
-    scene.objects.iter().map(|body| absent(&body.name)).collect()
+    scene
+        .objects
+        .iter()
+        .map(|body| absent(&body.name))
+        .collect()
 }
 
 impl TaskSpec {
@@ -195,7 +199,10 @@ impl TaskSpec {
         };
         let mut variant = variant.clone();
         let clutter = clutter(query, site, scene, chosen, seed, &self.name);
-        for own in clutter.into_iter().chain([stock[chosen].at(&site.from, 1.0)]) {
+        for own in clutter
+            .into_iter()
+            .chain([stock[chosen].at(&site.from, 1.0)])
+        {
             variant.places.retain(|place| place.object != own.object);
             variant.places.insert(0, own);
         }
@@ -214,7 +221,11 @@ impl TaskSpec {
         }
         spec.area.start = start(&site.from);
         spec.area.variants = vec![variant.clone()];
-        let to = site.to.as_ref().map(ReachedPlace::words).unwrap_or_default();
+        let to = site
+            .to
+            .as_ref()
+            .map(ReachedPlace::words)
+            .unwrap_or_default();
         for sentence in &mut spec.instructions {
             for (key, words) in [
                 ("{object}", stock[chosen].words.as_str()),

@@ -60,10 +60,7 @@ impl Finder<'_> {
             .filter(|place| self.from.fits(place))
             .collect();
         if from.is_empty() {
-            return Err(self.refusal(
-                format!("no {}", self.from),
-                self.from.alternatives(scene),
-            ));
+            return Err(self.refusal(format!("no {}", self.from), self.from.alternatives(scene)));
         }
         let of_place = |place: &ReachedPlace| -> Vec<usize> {
             let stands = |i: &usize| {
@@ -97,10 +94,7 @@ impl Finder<'_> {
         if let Some(to) = self.to
             && from.iter().any(|place| !of_place(place).is_empty())
         {
-            return Err(self.refusal(
-                format!("no other {to}"),
-                to.alternatives(scene),
-            ));
+            return Err(self.refusal(format!("no other {to}"), to.alternatives(scene)));
         }
         let words = wanted.iter().map(|&i| self.stock[i].words.as_str());
         let words: Vec<&str> = words.collect();

@@ -58,7 +58,10 @@ pub(super) fn read(assets: &Path) -> Result<Vec<Stock>, SceneError> {
         place
             .key("yaw_deg")
             .within(stock.yaw_deg, 0.0, 180.0, "degrees", degrees)?;
-        for (key, range, most) in [("mass", stock.mass, 100.0), ("friction", stock.friction, 2.0)] {
+        for (key, range, most) in [
+            ("mass", stock.mass, 100.0),
+            ("friction", stock.friction, 2.0),
+        ] {
             let [min, max] = range.unwrap_or_default();
             let place = place.key(key);
             place.within(max, 0.0, most, "", "give [least, greatest] within these")?;

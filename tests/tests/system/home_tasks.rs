@@ -54,21 +54,34 @@ fn expert_completes_a_task_by_query_and_its_recording_replays() {
     let file = only_recording(folder.path());
     let episode = Episode::open(&file).expect("a recording");
     let instruction = episode.started().expect("its start").instruction;
-    assert!(instruction.contains("the table in the kitchen"), "{instruction}");
+    assert!(
+        instruction.contains("the table in the kitchen"),
+        "{instruction}"
+    );
     let replay = run("wheelarm", &["replay", &file.to_string_lossy()]);
     let text = printed(&replay);
-    assert!(replay.status.success() && text.contains("hashes equal"), "{text}");
+    assert!(
+        replay.status.success() && text.contains("hashes equal"),
+        "{text}"
+    );
 }
 
 #[test]
 fn refused_task_lists_what_the_home_has() {
     let args = ["--scene", "flat", "--task", "carry_to_living_room"];
-    let server = run("wheelarm-server", &[&args[..], &["--draws", "0..1"]].concat());
+    let server = run(
+        "wheelarm-server",
+        &[&args[..], &["--draws", "0..1"]].concat(),
+    );
     let evaluate = run("wheelarm", &[&["evaluate"], &args[..]].concat());
     for output in [server, evaluate] {
         let text = printed(&output);
         assert!(!output.status.success(), "{text}");
-        for part in ["living room in flat", "tables: kitchen", "living rooms: none"] {
+        for part in [
+            "living room in flat",
+            "tables: kitchen",
+            "living rooms: none",
+        ] {
             assert!(text.contains(part), "{part:?} is missing in: {text}");
         }
     }

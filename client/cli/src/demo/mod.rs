@@ -24,8 +24,7 @@ use wheelarm_expert::run::Progress;
 use wheelarm_options::choice::{named, seed_range};
 use wheelarm_options::packs::PackArgs;
 use wheelarm_rollout::launcher::{
-    Input, Launch, Process, Program, TaskSources, all_cameras, refusal_of_program,
-    tasks_of_program,
+    Input, Launch, Process, Program, TaskSources, all_cameras, refusal_of_program, tasks_of_program,
 };
 use wheelarm_rollout::{Backend, Limits, Observer, Processes, Record, Rollout, free_label};
 

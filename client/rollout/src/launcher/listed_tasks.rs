@@ -27,7 +27,10 @@ pub struct TaskSources<'a> {
 pub fn tasks_of_program(sources: TaskSources<'_>) -> anyhow::Result<Vec<v1::TaskInfo>> {
     let output = output(sources, &["--list-tasks", "--json"])?;
     if !output.status.success() {
-        bail!("wheelarm-server cannot list its tasks: {}", error_of(&output));
+        bail!(
+            "wheelarm-server cannot list its tasks: {}",
+            error_of(&output)
+        );
     }
     program::tasks_from_json(&String::from_utf8_lossy(&output.stdout)).context(
         "cannot read the tasks that wheelarm-server lists; install one version of all programs",

@@ -59,8 +59,15 @@ fn target_stands_in_the_reached_strip_with_room_for_the_hand() {
             let placed = sample.scene.placements[object].expect("it exists");
             let at = (surface.expect("a surface").edge.inverse() * placed.pose).translation;
             let is_in = |value: f64, [low, high]: [f64; 2]| (low..=high).contains(&value);
-            assert!(is_in(at.x, place.inwards) && is_in(at.y, place.along), "{at:?}");
-            assert!(sample.instruction.contains(&place.room_words()), "{}", sample.instruction);
+            assert!(
+                is_in(at.x, place.inwards) && is_in(at.y, place.along),
+                "{at:?}"
+            );
+            assert!(
+                sample.instruction.contains(&place.room_words()),
+                "{}",
+                sample.instruction
+            );
             assert!(!sample.instruction.contains('{'), "{}", sample.instruction);
         }
     }
@@ -86,23 +93,40 @@ fn seeds_select_places_objects_and_clutter() {
 fn category_and_room_restrict_target_and_place() {
     for seed in 0..8 {
         let (task, variant, ..) = sampled("take_mug_in_kitchen", &home(), seed);
-        assert_eq!((task.targets[0].as_str(), variant.name.as_str()), ("blue_mug", "kitchen_table"));
+        assert_eq!(
+            (task.targets[0].as_str(), variant.name.as_str()),
+            ("blue_mug", "kitchen_table")
+        );
     }
 }
 
 #[test]
 fn put_task_names_the_place_of_its_goal() {
     let (task, variant, _, sample) = sampled("carry_to_living_room", &home(), 0);
-    assert_eq!(task.goal, Goal::Put { on: "coffee_table".into() });
+    assert_eq!(
+        task.goal,
+        Goal::Put {
+            on: "coffee_table".into()
+        }
+    );
     assert_eq!(variant.name, "kitchen_table-to-coffee_table");
     assert_eq!(task.region_name(), Some("coffee_table"));
-    assert!(sample.instruction.contains("in the living room"), "{}", sample.instruction);
+    assert!(
+        sample.instruction.contains("in the living room"),
+        "{}",
+        sample.instruction
+    );
 }
 
 #[test]
 fn refusal_lists_what_the_home_has() {
     let text = refusal("carry_to_living_room", &flat());
-    for part in ["no other table in a living room", "in flat", "tables: kitchen", "living rooms: none"] {
+    for part in [
+        "no other table in a living room",
+        "in flat",
+        "tables: kitchen",
+        "living rooms: none",
+    ] {
         assert!(text.contains(part), "{part:?} is missing in: {text}");
     }
     let mut bare = flat();
