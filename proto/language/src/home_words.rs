@@ -122,18 +122,20 @@ impl Grammar {
             .filter(|other| other.has_leaves == area.has_leaves);
         let same_kind = |other: &&&Area| texts(&self.homes.furniture, &other.kind) == kinds;
         let is_only = like.filter(same_kind).count() == 1;
+        // Words of its own suffice for what is spoken.
+        let is_known = self.places.iter().any(|place| place.area == area.name);
         let mut names: Vec<(String, bool)> = Vec::new();
         for (i, kind) in kinds.iter().enumerate() {
-            names.push((kind.clone(), is_only && i == 0 || rooms.is_empty()));
+            names.push((kind.clone(), i == 0 && (is_only || rooms.is_empty())));
             for (j, room) in rooms.iter().enumerate() {
                 names.push((format!("{kind} in the {room}"), i == 0 && j == 0));
                 names.push((format!("{room} {kind}"), false));
             }
         }
         let prepositions = if area.has_leaves { OF } else { ON };
-        let mut seen = BTreeSet::new();
+        let mut listed = BTreeSet::new();
         for (name, is_generated) in names {
-            if !seen.insert(name.clone()) {
+            if !listed.insert(name.clone()) {
                 continue;
             }
             let text = format!("the {name}");
@@ -141,7 +143,11 @@ impl Grammar {
                 held_out: false,
                 is_generated,
             };
-            let place = place(&area.name, &text, prepositions, of);
+            let of_place = Use {
+                is_generated: is_generated && !is_known,
+                ..of
+            };
+            let place = place(&area.name, &text, prepositions, of_place);
             self.know(&place.words);
             self.know(
                 [&place.on, &place.from, &place.understood]

@@ -1,4 +1,4 @@
-//! Decoration of a home from a world pack: pictures on free stretches of walls, a rug in the
+//! Decoration of a home from a world pack: wall images on free stretches of walls, a rug in the
 //! middle of each room, and lamps below the ceilings.
 
 use wheelarm_pack::{HomeFile, RoomEntry, WallEntry, contains};
@@ -10,19 +10,19 @@ use crate::scene::{Bounds, Scene};
 
 /// Width and height of a lamp, metres.
 const LAMP: [f64; 2] = [0.3, 0.4];
-/// Largest number of pictures and of rugs of a home.
-const MOST_PICTURES: usize = 16;
+/// Largest number of wall images and of rugs of a home.
+const MOST_WALL_IMAGES: usize = 16;
 const MOST_RUGS: usize = 8;
-/// Shortest free stretch of a wall with a picture, and its distance from openings, metres.
+/// Shortest free stretch of a wall with a wall image, and its distance from openings, metres.
 const STRETCH: f64 = 0.9;
 const BESIDE: f64 = 0.15;
-/// Height of the middle of a picture, its sizes and its distance from the wall, metres.
+/// Height of the middle of a wall image, its sizes and its distance from the wall, metres.
 const HEIGHT: f64 = 1.55;
-const PICTURES: [[f64; 2]; 3] = [[0.8, 0.6], [0.5, 0.7], [1.1, 0.8]];
+const WALL_IMAGES: [[f64; 2]; 3] = [[0.8, 0.6], [0.5, 0.7], [1.1, 0.8]];
 const OFF: f64 = 0.012;
-/// Space before a picture that furniture leaves free, metres.
+/// Space before a wall image that furniture leaves free, metres.
 const BEFORE: f64 = 0.1;
-/// Least height of a wall with a picture, metres.
+/// Least height of a wall with a wall image, metres.
 const LEAST_WALL: f64 = 2.1;
 /// Sides of rugs as a share of those of the room, and their bounds, metres.
 const RUG_SHARE: f64 = 0.5;
@@ -39,9 +39,9 @@ pub(super) fn spots(home: &HomeFile, rooms: &[&RoomEntry], scene: &Scene) -> Vec
         .filter(|body| home.piece.iter().any(|piece| piece.name == body.name))
         .filter_map(|body| body.collision_bounds(&body.pose))
         .collect();
-    let pictures = pictures(home, rooms, &pieces);
-    let pictures = pictures.into_iter().take(MOST_PICTURES);
-    lamps.chain(rugs).chain(pictures).collect()
+    let wall_images = wall_images(home, rooms, &pieces);
+    let wall_images = wall_images.into_iter().take(MOST_WALL_IMAGES);
+    lamps.chain(rugs).chain(wall_images).collect()
 }
 
 /// Lowest and highest corner of a room on the floor plan.
@@ -89,8 +89,8 @@ fn rug(room: &RoomEntry) -> Option<Spot> {
     })
 }
 
-/// At most one picture on each side of each wall, those of large rooms first.
-fn pictures(home: &HomeFile, rooms: &[&RoomEntry], pieces: &[Bounds]) -> Vec<Spot> {
+/// At most one wall image on each side of each wall, those of large rooms first.
+fn wall_images(home: &HomeFile, rooms: &[&RoomEntry], pieces: &[Bounds]) -> Vec<Spot> {
     let mut found: Vec<(usize, Spot)> = Vec::new();
     for (index, wall) in home.wall.iter().enumerate() {
         let top = wall.height.min(wall.end_height.unwrap_or(wall.height));
@@ -98,8 +98,8 @@ fn pictures(home: &HomeFile, rooms: &[&RoomEntry], pieces: &[Bounds]) -> Vec<Spo
             continue;
         }
         for left in [true, false] {
-            let size = PICTURES[(2 * index + usize::from(left)) % PICTURES.len()];
-            let spot = picture(home, (index, wall), left, size, rooms, pieces);
+            let size = WALL_IMAGES[(2 * index + usize::from(left)) % WALL_IMAGES.len()];
+            let spot = wall_image(home, (index, wall), left, size, rooms, pieces);
             found.extend(spot);
         }
     }
@@ -107,8 +107,8 @@ fn pictures(home: &HomeFile, rooms: &[&RoomEntry], pieces: &[Bounds]) -> Vec<Spo
     found.into_iter().map(|(_, spot)| spot).collect()
 }
 
-/// A picture on one side of a wall, with the index of its room.
-fn picture(
+/// A wall image on one side of a wall, with the index of its room.
+fn wall_image(
     home: &HomeFile,
     (index, wall): (usize, &WallEntry),
     left: bool,
@@ -165,7 +165,7 @@ fn picture(
     Some((room, spot))
 }
 
-/// Whether furniture stands before a part of a wall.
+/// Whether furniture is before a part of a wall.
 fn is_hidden(
     pieces: &[Bounds],
     at: [f64; 2],

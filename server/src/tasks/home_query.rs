@@ -1,5 +1,5 @@
 //! Tasks without an area: a query over the places of a home. The seed selects a place, an
-//! object of the stock that stands there, and others as clutter; [`TaskSpec::settled`] is then
+//! object of the stock, and others as clutter; [`TaskSpec::settled`] is then
 //! an ordinary task of one area with one variant.
 
 use std::path::Path;
@@ -22,12 +22,12 @@ pub(super) const TIME_LIMIT: f64 = 240.0;
 const CLUTTER: usize = 3;
 /// Probability of each of them.
 const CLUTTER_CHANCE: f64 = 0.6;
-/// Clutter stands behind the target on a surface of this depth, metres.
+/// Clutter is behind the target on a surface of this depth, metres.
 const DEEP: f64 = 0.45;
 /// Its least and greatest distance from the edge then, and its distance from the ends, metres.
 const BEHIND: [f64; 2] = [0.32, 0.6];
 const END: f64 = 0.1;
-/// Otherwise it stands beside the target, on a place of this length, metres.
+/// Otherwise it is beside the target, on a place of this length, metres.
 const LONG: f64 = 0.5;
 
 /// The scene with the objects of the stock, which are optional, when the task of a file is a
@@ -165,7 +165,7 @@ impl TaskSpec {
     /// an area stays as it is. `scene` is that of the task.
     ///
     /// # Errors
-    /// When the target does not stand at the place of the variant.
+    /// When the target does not fit the place of the variant.
     pub fn settled(
         &self,
         variant: &Variant,

@@ -51,7 +51,7 @@ impl Finder<'_> {
             let words: Vec<&str> = words.collect();
             return Err(self.refusal(
                 format!("no object with {}", self.object),
-                format!("objects that may stand there: {}", words.join(", ")),
+                format!("objects that may be there: {}", words.join(", ")),
             ));
         }
         let from: Vec<&ReachedPlace> = scene
@@ -63,11 +63,11 @@ impl Finder<'_> {
             return Err(self.refusal(format!("no {}", self.from), self.from.alternatives(scene)));
         }
         let of_place = |place: &ReachedPlace| -> Vec<usize> {
-            let stands = |i: &usize| {
+            let belongs = |i: &usize| {
                 let stock = &self.stock[*i];
                 stock.fits(place, scene) && stock.is_of_room(place, self.stock)
             };
-            wanted.iter().copied().filter(stands).collect()
+            wanted.iter().copied().filter(belongs).collect()
         };
         let mut sites = Vec::new();
         for place in &from {

@@ -12,7 +12,9 @@ use wheelarm_proto::settings::LanguageSplit;
 
 use super::goal::Goal;
 use super::spec::TaskSpec;
-use crate::scene::{FurnitureJoint, Placement, Scene, SceneError, kind_name, text};
+use crate::scene::{
+    FurnitureJoint, Placement, ReachedPlace, Scene, SceneError, Surface, kind_name, text,
+};
 
 /// Language settings of a task.
 #[derive(Clone, Debug, PartialEq)]
@@ -110,17 +112,15 @@ pub(super) fn language_scene(
     let mut out = language::Scene::default();
     for surface in &scene.surfaces {
         let body = &scene.furniture[surface.furniture];
-        if body.area == body.name && out.areas.iter().all(|area| area.name != body.name) {
-            out.areas.push(area(surface, &body.name));
-        } else if let Some(place) = scene.place_on(surface)
-            && body.area != body.name
-        {
-            out.areas.push(language::Area {
-                kind: place.kind_name(),
-                room: place.room.clone(),
-                furniture: body.name.clone(),
-                ..area(surface, &format!("{}/{}", body.name, surface.name))
-            });
+        let place = scene.place_on(surface);
+        let own = body.area == body.name;
+        if own && out.areas.iter().all(|area| area.name != body.name) {
+            // The words of other tasks are those of the area alone.
+            let place = place.filter(|_| task.names_places());
+            out.areas.push(area(surface, &body.name, place));
+        } else if !own && place.is_some() {
+            let name = format!("{}/{}", body.name, surface.name);
+            out.areas.push(area(surface, &name, place));
         }
     }
     for (object, placement) in scene.objects.iter().zip(placements) {
@@ -185,7 +185,8 @@ fn leaves(scene: &Scene, joint: &FurnitureJoint, out: &mut language::Scene) -> S
     name
 }
 
-fn area(surface: &crate::scene::Surface, name: &str) -> language::Area {
+/// The area of a surface; with `place` its kind and its room are words.
+fn area(surface: &Surface, name: &str, place: Option<&ReachedPlace>) -> language::Area {
     let inwards = surface.edge.rotation * Vector3::x();
     language::Area {
         name: name.to_owned(),
@@ -193,6 +194,11 @@ fn area(surface: &crate::scene::Surface, name: &str) -> language::Area {
         inwards: exact::atan2(inwards.y, inwards.x),
         depth: surface.depth,
         width: surface.width,
-        ..language::Area::default()
+        kind: place.map(ReachedPlace::kind_name).unwrap_or_default(),
+        room: place.map(|place| place.room.clone()).unwrap_or_default(),
+        furniture: place
+            .map(|place| place.furniture.clone())
+            .unwrap_or_default(),
+        has_leaves: false,
     }
 }

@@ -4,6 +4,7 @@ use super::area::{AreaSpec, Variant};
 use super::goal::Goal;
 use super::home_sites::HomeQuery;
 use super::predicates::AnyPredicate;
+use super::stock;
 use crate::people::PersonSetting;
 use crate::scene::{Place, Scene, Surface};
 
@@ -119,6 +120,11 @@ impl TaskSpec {
         person.motion.get_or_insert(self.waits.motion);
         person.mouth_open |= self.waits.mouth_open;
         person
+    }
+
+    /// Whether its sentences name places by room and kind of furniture: it has no area file.
+    pub(super) fn names_places(&self) -> bool {
+        self.files.iter().any(|file| file == stock::FILE)
     }
 
     /// The furniture on which the task puts the target, if any.

@@ -1,4 +1,4 @@
-//! `assets/stocks.toml`: what may stand on the places of a home.
+//! `assets/stocks.toml`: what may be on the places of a home.
 
 use std::path::Path;
 
@@ -18,7 +18,7 @@ struct StockFile {
     stock: Vec<Stock>,
 }
 
-/// An object that may stand on furniture.
+/// An object that may be on furniture.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Stock {
