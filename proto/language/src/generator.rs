@@ -409,8 +409,14 @@ impl<'a> Speaker<'a> {
         let (is_slide, is_door) = (target.role == Role::Slide, target.category == DOOR);
         let is_upright =
             |p: &Phrase| matches!(p.means, Means::Order(Order::Top | Order::Bottom, _));
-        let is_of_door =
-            |p: &Phrase| matches!(p.means, Means::Order(Order::Left | Order::Right, _));
+        let same = self.scene.entities.iter();
+        let same = same.filter(|e| e.category == target.category && e.area == target.area);
+        // Of two doors none is the second from the left.
+        let counts = same.count() > 2;
+        let is_of_door = |p: &Phrase| match p.means {
+            Means::Order(Order::Left | Order::Right, nth) => nth.is_some() || counts,
+            _ => false,
+        };
         let fits = |p: &&Phrase| {
             let has_place = p.pattern.has_any(&Slot::PLACES);
             p.of.is_in(self.options.split)

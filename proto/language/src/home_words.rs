@@ -124,13 +124,14 @@ impl Grammar {
         let is_only = like.filter(same_kind).count() == 1;
         // Words of its own suffice for what is spoken.
         let is_known = self.places.iter().any(|place| place.area == area.name);
+        // The first name is that of clarification questions.
         let mut names: Vec<(String, bool)> = Vec::new();
         for (i, kind) in kinds.iter().enumerate() {
-            names.push((kind.clone(), i == 0 && (is_only || rooms.is_empty())));
             for (j, room) in rooms.iter().enumerate() {
                 names.push((format!("{kind} in the {room}"), i == 0 && j == 0));
                 names.push((format!("{room} {kind}"), false));
             }
+            names.push((kind.clone(), i == 0 && (is_only || rooms.is_empty())));
         }
         let prepositions = if area.has_leaves { OF } else { ON };
         let mut listed = BTreeSet::new();

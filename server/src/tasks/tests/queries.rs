@@ -25,11 +25,10 @@ fn flat() -> Scene {
 
 /// A task of every home with this seed, in its scene.
 fn sampled(name: &str, scene: &Scene, seed: u64) -> (TaskSpec, Variant, Scene, TaskSample) {
-    let read = |error: SceneError| panic!("{error}");
-    let scene = stocked(&assets(), name, scene.clone()).unwrap_or_else(read);
-    let task = TaskSpec::load(&assets(), name, &scene, &hand()).unwrap_or_else(read);
+    let scene = stocked(&assets(), name, scene.clone()).expect("a stocked home");
+    let task = TaskSpec::load(&assets(), name, &scene, &hand()).expect("a task");
     let variant = variant_of(&task, seed, None).expect("a place");
-    let (task, variant) = task.settled(variant, &scene, seed, "").unwrap_or_else(read);
+    let (task, variant) = task.settled(variant, &scene, seed, "").expect("a place");
     let sample = task_sampling::sample(&task, &variant, &scene, seed, None);
     (task, variant, scene, sample)
 }
