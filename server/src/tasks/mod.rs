@@ -19,6 +19,7 @@ mod arrangement;
 #[cfg(test)]
 mod care_tests;
 mod condition;
+mod condition_spec;
 mod context;
 mod evaluate;
 mod failure;
@@ -49,6 +50,7 @@ mod template;
 mod tests;
 
 pub use area::{AreaSpec, PlaceSpec, Range, RestShares, SlideSpec, StartSpec, Variant};
+pub use condition_spec::ConditionSpec;
 pub use evaluate::{Condition, Evaluation, Evaluator, EvaluatorState, HARD};
 pub use failure::Failure;
 pub use floor::{Floor, collision_boxes};
@@ -56,5 +58,5 @@ pub use goal::Goal;
 pub use load::{list, stocked, usable};
 pub use scene_sampling::{SceneSample, sample_scene};
 pub use sentence::{Language, POLITENESS, sentence};
-pub use spec::{ConditionSpec, FailureSpec, TaskSpec, WaitSpec};
+pub use spec::{FailureSpec, TaskSpec, WaitSpec};
 pub use task_sampling::{TaskSample, sample, variant_of};

@@ -1,9 +1,9 @@
 //! Specification of a task: plain data, checked against its scene by the loader.
 
 use super::area::{AreaSpec, Variant};
+use super::condition_spec::ConditionSpec;
 use super::goal::Goal;
 use super::home_sites::HomeQuery;
-use super::predicates::AnyPredicate;
 use super::stock;
 use crate::people::PersonSetting;
 use crate::scene::{Place, Scene, Surface};
@@ -62,17 +62,6 @@ impl Default for WaitSpec {
     }
 }
 
-/// A condition of the task.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ConditionSpec {
-    /// What must hold.
-    pub(super) predicate: AnyPredicate,
-    /// Required for success, or only reported.
-    pub required: bool,
-    /// Only with a person in the chair.
-    pub with_person: bool,
-}
-
 /// When the target counts as dropped or tipped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FailureSpec {
@@ -85,14 +74,6 @@ pub struct FailureSpec {
     pub reach: Option<f64>,
     /// Contact force of the robot with furniture above which the task fails, N.
     pub force: f64,
-}
-
-impl ConditionSpec {
-    /// The predicate with its subjects, for example `inside(knife, placemat)`.
-    #[must_use]
-    pub fn label(&self) -> String {
-        self.predicate.label()
-    }
 }
 
 /// Activity of care tasks.

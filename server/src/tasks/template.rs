@@ -6,9 +6,9 @@ use std::path::Path;
 use serde::Deserialize;
 use toml::{Table, Value};
 
+use super::condition_spec::ConditionSpec;
 use super::context::TARGET;
 use super::predicates::AnyPredicate;
-use super::spec::ConditionSpec;
 use crate::scene::{Place, SceneError, names, parse, provenance};
 
 /// Placeholder in a template for the place of the task.
