@@ -225,30 +225,39 @@ fn print_samples(
     seeds: std::ops::Range<u64>,
 ) -> anyhow::Result<()> {
     let model = RobotModel::load(assets, &scenario.robot)?;
-    let home = scene(assets, scenario)?;
+    let home = tasks::stocked(assets, &scenario.task, scene(assets, scenario)?)?;
     let task = TaskSpec::load(
         assets,
         &scenario.task,
         &home,
         &model.settings.gripper.corridor,
     )?;
-    let mut scenes: Vec<(String, Scene, Floor)> = Vec::new();
+    // Variants with the same furniture share scene and floor.
+    let mut scenes: Vec<(Vec<String>, Scene, Floor)> = Vec::new();
     for variant in &task.area.variants {
+        if scenes
+            .iter()
+            .any(|(furniture, ..)| *furniture == variant.furniture)
+        {
+            continue;
+        }
         let mut scene = home.clone();
         scene.keep_optional(&variant.furniture);
         let floor = Floor::new(&model, &scene);
-        scenes.push((variant.name.clone(), scene, floor));
+        scenes.push((variant.furniture.clone(), scene, floor));
     }
     let mut out = std::io::BufWriter::new(std::io::stdout().lock());
     writeln!(out, "{}", table::columns(&task.area))?;
     for seed in seeds {
         let variant = tasks::variant_of(&task, seed, scenario.variant_share)
             .context("the area has no variant for this task")?;
-        let found = scenes.iter().find(|(name, ..)| *name == variant.name);
-        let (name, scene, floor) = found.context("the area does not have this variant")?;
+        let mut found = scenes.iter();
+        let found = found.find(|(furniture, ..)| *furniture == variant.furniture);
+        let (_, scene, floor) = found.context("the area does not have this variant")?;
         let floor = (scenario.starts == Starts::Anywhere).then_some(floor);
-        let draw = tasks::sample(&task, variant, scene, seed, floor);
-        let row = table::row(&task.area, scene, &task.name, name, seed, &draw);
+        let (one, variant) = task.settled(variant, scene, seed, "")?;
+        let draw = tasks::sample(&one, &variant, scene, seed, floor);
+        let row = table::row(&task.area, scene, &task.name, &variant.name, seed, &draw);
         writeln!(out, "{row}")?;
     }
     Ok(())

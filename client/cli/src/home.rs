@@ -6,9 +6,9 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use clap::{Args, Subcommand, ValueEnum};
+use wheelarm_import::home_places::PlaceRobot;
 use wheelarm_import::home_report::{Posture, RobotFacts};
-use wheelarm_import::home_tasks::TaskRobot;
-use wheelarm_import::{Joints, Options, Summary, home_tasks, import_file, slug, write};
+use wheelarm_import::{Joints, Options, Summary, home_places, import_file, slug, write};
 use wheelarm_options::packs::PackArgs;
 use wheelarm_pack::{Pack, Store};
 use wheelarm_proto::installed::{self, ASSETS_VARIABLE};
@@ -55,10 +55,10 @@ pub struct ImportArgs {
     /// Doors and drawers of furniture that move.
     #[arg(long, value_enum, default_value_t = JointsOption::All)]
     joints: JointsOption,
-    /// Tasks: a lift from each surface that the robot reaches, at most 24.
-    #[arg(long, value_enum, default_value_t = TasksOption::All)]
-    tasks: TasksOption,
-    /// Robot of the tasks, a folder in assets/robots.
+    /// Places of tasks: one on each surface that the robot reaches.
+    #[arg(long, value_enum, default_value_t = PlacesOption::All)]
+    places: PlacesOption,
+    /// Robot of the places, a folder in assets/robots.
     #[arg(long, default_value = "wheelarm")]
     robot: String,
     /// Posture of the arm in which the scripted operator drives: home or travel.
@@ -78,9 +78,9 @@ pub struct ImportArgs {
     assets: Option<PathBuf>,
 }
 
-/// Values of --tasks.
+/// Values of --places.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum TasksOption {
+enum PlacesOption {
     /// One for each reached surface.
     All,
     /// None.
@@ -142,8 +142,8 @@ fn import(args: &ImportArgs) -> anyhow::Result<String> {
             .context("no folder of packs is known; name one with --out")?,
     };
     let mut text = describe(&options.name, &imported.summary)?;
-    let (pack, tasks) = with_tasks(args, imported.pack)?;
-    text.push_str(&tasks);
+    let (pack, places) = with_places(args, imported.pack)?;
+    text.push_str(&places);
     let path = write(&pack, folder)?;
     writeln!(text, "digests: {}", pack.id())?;
     writeln!(text, "written: {}", path.display())?;
@@ -153,18 +153,22 @@ fn import(args: &ImportArgs) -> anyhow::Result<String> {
     };
     let name = &options.name;
     writeln!(text, "next: wheelarm-server{packs} --scene {name}")?;
+    writeln!(
+        text,
+        "tasks: wheelarm-server{packs} --scene {name} --list-tasks"
+    )?;
     Ok(text)
 }
 
-/// The pack with its tasks, and what was added, as text. Without the assets of the robot the
-/// home has no tasks.
-fn with_tasks(args: &ImportArgs, pack: Pack) -> anyhow::Result<(Pack, String)> {
-    if args.tasks == TasksOption::None {
+/// The pack with its places, and what was added, as text. Without the assets of the robot the
+/// home has no places.
+fn with_places(args: &ImportArgs, pack: Pack) -> anyhow::Result<(Pack, String)> {
+    if args.places == PlacesOption::None {
         return Ok((pack, String::new()));
     }
     let Some(assets) = args.assets.clone().or_else(installed::assets) else {
         let note = format!(
-            "note: no tasks: no assets folder found; name it: export {ASSETS_VARIABLE}=…/assets\n"
+            "note: no places: no assets folder found; name it: export {ASSETS_VARIABLE}=…/assets\n"
         );
         return Ok((pack, note));
     };
@@ -172,24 +176,26 @@ fn with_tasks(args: &ImportArgs, pack: Pack) -> anyhow::Result<(Pack, String)> {
     let found = match (read(args.posture), read(Posture::Home)) {
         (Ok(drives), Ok(starts)) => {
             let (drives, starts) = (&drives, &starts);
-            home_tasks::add(&pack, TaskRobot { drives, starts })?
+            home_places::add(&pack, PlaceRobot { drives, starts })?
         }
         (Err(error), _) | (_, Err(error)) => {
-            return Ok((pack, format!("note: no tasks: {error}\n")));
+            return Ok((pack, format!("note: no places: {error}\n")));
         }
     };
+    let places = found.pack.home().map_or(&[][..], |home| &home.place);
     let mut text = format!(
-        "{} of {} surfaces reached, {} more from a start in their room; {} tasks\n",
+        "{} of {} surfaces reached, {} more from a start in their room; {} places for tasks\n",
         found.reached,
         found.surfaces,
         found.reached_within,
-        found.tasks.len()
+        places.len()
     );
-    for name in &found.tasks {
-        writeln!(text, "task: {name}")?;
+    for place in places {
+        let room = place.room.as_deref().unwrap_or("no room");
+        writeln!(text, "place: {}/{} in {room}", place.on, place.surface)?;
     }
     for skipped in &found.skipped {
-        writeln!(text, "no task: {}: {}", skipped.surface, skipped.reason)?;
+        writeln!(text, "no place: {}: {}", skipped.surface, skipped.reason)?;
     }
     Ok((found.pack, text))
 }

@@ -1,12 +1,12 @@
-//! Imports a home with its tasks: `import_home FILE.sh3d NAME FOLDER [ASSETS]`. Without the
-//! assets folder the pack has no tasks.
+//! Imports a home with its places: `import_home FILE.sh3d NAME FOLDER [ASSETS]`. Without the
+//! assets folder the pack has no places.
 
 use std::path::Path;
 use std::process::ExitCode;
 
+use wheelarm_import::home_places::PlaceRobot;
 use wheelarm_import::home_report::{Posture, RobotFacts};
-use wheelarm_import::home_tasks::TaskRobot;
-use wheelarm_import::{Options, home_tasks, import_file, write};
+use wheelarm_import::{Options, home_places, import_file, write};
 
 fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).collect();
@@ -32,14 +32,14 @@ fn run(words: &[String]) -> Result<(), Box<dyn std::error::Error>> {
     let mut pack = imported.pack;
     if let Some(assets) = assets.first() {
         let robot = RobotFacts::read(Path::new(assets), "wheelarm", Posture::Home)?;
-        let robot = TaskRobot {
+        let robot = PlaceRobot {
             drives: &robot,
             starts: &robot,
         };
-        let found = home_tasks::add(&pack, robot)?;
+        let found = home_places::add(&pack, robot)?;
         println!(
-            "{} and {} of {} surfaces reached, tasks: {:#?}, without a task: {:#?}",
-            found.reached, found.reached_within, found.surfaces, found.tasks, found.skipped
+            "{} and {} of {} surfaces reached, without a place: {:#?}",
+            found.reached, found.reached_within, found.surfaces, found.skipped
         );
         pack = found.pack;
     }

@@ -1,5 +1,5 @@
 //! Imports homes of Sweet Home 3D (`.sh3d`) as world packs, and reports what a robot reaches
-//! in a home ([`home_report`]), and adds tasks ([`home_tasks`]).
+//! in a home ([`home_report`]), and adds the places of tasks ([`home_places`]).
 //!
 //! ```text
 //! archive ─► sh3d (Home.xml) ─► plan: level, walls, openings ─► rooms
@@ -19,8 +19,8 @@ mod build;
 mod error;
 mod fit;
 mod glb;
+pub mod home_places;
 pub mod home_report;
-pub mod home_tasks;
 mod joints;
 mod model;
 mod paint;

@@ -67,6 +67,8 @@ const TRIES_AMBIGUOUS: usize = 200;
 const REASONS: f64 = 0.4;
 /// Share of phrases that try the plain name first.
 const PLAIN: f64 = 0.4;
+/// Category of leaves that turn.
+const DOOR: &str = "door";
 /// Share of names with a colour.
 const COLOURS: f64 = 0.35;
 
@@ -401,15 +403,27 @@ impl<'a> Speaker<'a> {
 
     fn phrase(&self, says_place: bool, random: &mut Random) -> Option<&'a Phrase> {
         let plain = random.happens(PLAIN);
-        // Heights distinguish drawers and nothing else does; objects have sides.
-        let is_slide = self.scene.entities[self.wish.target].role == Role::Slide;
+        // Heights distinguish drawers and nothing else does; doors have sides too, objects have
+        // sides only.
+        let target = &self.scene.entities[self.wish.target];
+        let (is_slide, is_door) = (target.role == Role::Slide, target.category == DOOR);
         let is_upright =
             |p: &Phrase| matches!(p.means, Means::Order(Order::Top | Order::Bottom, _));
+        let same = self.scene.entities.iter();
+        let same = same.filter(|e| e.category == target.category && e.area == target.area);
+        // Of two doors none is the second from the left.
+        let counts = same.count() > 2;
+        let is_of_door = |p: &Phrase| match p.means {
+            Means::Order(Order::Left | Order::Right, nth) => nth.is_some() || counts,
+            _ => false,
+        };
         let fits = |p: &&Phrase| {
             let has_place = p.pattern.has_any(&Slot::PLACES);
             p.of.is_in(self.options.split)
                 && (!plain || p.means == Means::Plain)
-                && (p.means == Means::Plain || is_upright(p) == is_slide)
+                && (p.means == Means::Plain
+                    || is_upright(p) == is_slide
+                    || is_door && is_of_door(p))
                 && (!says_place || !has_place)
         };
         let able: Vec<_> = self.grammar.phrases.iter().filter(fits).collect();

@@ -8,12 +8,13 @@ use serde::Deserialize;
 use crate::space::{Order, Side};
 
 /// Files of a grammar below `assets/language`, in the order of loading.
-pub const FILES: [&str; 11] = [
+pub const FILES: [&str; 12] = [
     "nouns.toml",
     "places.toml",
     "phrases.toml",
     "reasons.toml",
     "politeness.toml",
+    "homes.toml",
     "lift.toml",
     "put.toml",
     "open.toml",
@@ -355,6 +356,18 @@ pub(crate) fn opened(opener: Option<&str>, text: &str) -> String {
     }
 }
 
+/// The words of `homes.toml`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct HomeWords {
+    /// Kinds and their texts, the usual one first.
+    pub rooms: Vec<(Vec<String>, Vec<String>)>,
+    pub furniture: Vec<(Vec<String>, Vec<String>)>,
+    /// Names of leaves by category.
+    pub leaves: Vec<Noun>,
+    /// Phrases about leaves.
+    pub phrases: Vec<Phrase>,
+}
+
 /// A grammar.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grammar {
@@ -375,6 +388,8 @@ pub struct Grammar {
     pub(crate) templates: Vec<Template>,
     /// Words that identify a verb when no template matches.
     pub(crate) verb_words: Vec<(String, Verb)>,
+    /// Words of homes with rooms and kinds of furniture.
+    pub(crate) homes: HomeWords,
     /// All its words.
     pub(crate) vocabulary: BTreeSet<String>,
 }

@@ -56,6 +56,17 @@ pub type HomeArea = Area;
 #[derive(Deserialize)]
 struct SceneFile {
     furniture: Vec<Furniture>,
+    #[serde(default)]
+    place: Vec<Place>,
+}
+
+#[derive(Clone, Deserialize)]
+struct Place {
+    on: String,
+    surface: String,
+    kind: Option<String>,
+    #[serde(default)]
+    room: String,
 }
 
 #[derive(Clone, Deserialize)]
@@ -84,6 +95,8 @@ struct Grasp {
 
 #[derive(Clone, Deserialize)]
 struct Surface {
+    #[serde(default)]
+    name: String,
     edge: [f64; 3],
     #[serde(default)]
     inwards_deg: f64,
@@ -148,8 +161,16 @@ impl Home {
                 .as_ref()
                 .and_then(|like| file.furniture.iter().find(|f| f.name == *like));
             let area = own.area.clone().or(model.and_then(|m| m.area.clone()));
-            let Some(area) = area else { continue };
             let turn = own.yaw_deg.to_radians();
+            let is_area = area.as_deref() == Some(&own.name);
+            let places = file
+                .place
+                .iter()
+                .filter(|place| place.on == own.name && !is_area);
+            for place in places {
+                self.areas.extend(reached(own, turn, place));
+            }
+            let Some(area) = area else { continue };
             let slide = own.slide.as_ref().or(model.and_then(|m| m.slide.as_ref()));
             let hinge = own.hinge.as_ref().or(model.and_then(|m| m.hinge.as_ref()));
             if let Some(joint) = slide.or(hinge) {
@@ -190,6 +211,7 @@ impl Home {
                 inwards: turn + surface.inwards_deg.to_radians(),
                 depth: surface.depth,
                 width: surface.width,
+                ..Area::default()
             };
             if own.name == area {
                 self.areas.push(made);
@@ -239,6 +261,24 @@ impl Home {
         let words = self.kinds.get(kind_of(object));
         words.map_or(["", ""], |[category, colour]| [category, colour])
     }
+}
+
+/// The area of a place on furniture that is not an area itself.
+fn reached(own: &Furniture, turn: f64, place: &Place) -> Option<Area> {
+    let surface = own.surfaces.iter().find(|s| s.name == place.surface)?;
+    let edge = turned(surface.edge, turn);
+    let category = own.category.clone().unwrap_or_default();
+    Some(Area {
+        name: format!("{}/{}", place.on, place.surface),
+        edge: [0, 1, 2].map(|i| own.at[i] + edge[i]),
+        inwards: turn + surface.inwards_deg.to_radians(),
+        depth: surface.depth,
+        width: surface.width,
+        kind: place.kind.clone().unwrap_or(category),
+        room: place.room.clone(),
+        furniture: own.name.clone(),
+        has_leaves: false,
+    })
 }
 
 fn turned([x, y, z]: [f64; 3], by: f64) -> [f64; 3] {

@@ -15,9 +15,13 @@ extern crate self as wheelarm_language;
 mod agreement_tests;
 mod chart;
 mod entries;
+mod file;
 mod generator;
 mod grammar;
 mod home;
+mod home_words;
+#[cfg(test)]
+mod home_words_tests;
 #[cfg(test)]
 #[path = "../tests/made_up/mod.rs"]
 #[expect(dead_code, reason = "the tests of the crate need more of it")]

@@ -14,7 +14,7 @@ pub enum Role {
 }
 
 /// A level part of furniture with an approach side.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Area {
     /// Name, for example `coffee_table`.
     pub name: String,
@@ -26,6 +26,14 @@ pub struct Area {
     pub depth: f64,
     /// Extent along the edge, metres.
     pub width: f64,
+    /// Kind of its furniture, for a home without words of its own for the area; else empty.
+    pub kind: String,
+    /// Kind or name of its room; may be empty.
+    pub room: String,
+    /// Furniture with its surface; empty when it has no name of its own.
+    pub furniture: String,
+    /// It contains doors and drawers of furniture, and no objects.
+    pub has_leaves: bool,
 }
 
 impl Area {
@@ -42,7 +50,8 @@ impl Area {
     #[must_use]
     pub fn carries(&self, at: [f64; 3]) -> bool {
         let [inwards, left, above] = self.from_viewer(at);
-        (0.0..=self.depth).contains(&inwards)
+        !self.has_leaves
+            && (0.0..=self.depth).contains(&inwards)
             && left.abs() <= self.width / 2.0
             && (-0.02..=0.3).contains(&above)
     }

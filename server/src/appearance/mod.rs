@@ -5,6 +5,7 @@
 mod camera;
 mod derive;
 mod file;
+mod furnish;
 mod irradiance;
 mod light;
 mod palette;

@@ -31,6 +31,21 @@ pub enum SceneError {
     /// An invalid file of the grammar.
     #[error(transparent)]
     Language(Box<wheelarm_language::GrammarError>),
+    /// A task that a home does not satisfy.
+    #[error(
+        "{missing} in {scene}, for the task {task:?}; {available}; take a task that this home \
+         offers (--list-tasks lists them), or another home"
+    )]
+    NotOffered {
+        /// The task.
+        task: String,
+        /// What the home lacks.
+        missing: String,
+        /// The home.
+        scene: String,
+        /// What it has.
+        available: String,
+    },
     /// An invalid value.
     #[error("{file}: {key} is {found}, expected {expected}; {cure}")]
     Value {

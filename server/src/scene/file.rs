@@ -3,5 +3,5 @@
 
 pub(super) use wheelarm_pack::{
     FurnitureEntry, GraspEntry, HingeEntry, LightEntry, LobeEntry, MaterialEntry, MaterialFile,
-    ObjectEntry, ObjectFile, PartEntry, RoomCameraEntry, SceneFile, SlideEntry,
+    ObjectEntry, ObjectFile, PartEntry, PlaceEntry, RoomCameraEntry, SceneFile, SlideEntry,
 };

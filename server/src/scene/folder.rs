@@ -123,6 +123,12 @@ impl<'a> Files<'a> {
         Ok(all)
     }
 
+    /// Whether there is a file.
+    pub(crate) fn contains(&self, path: &str) -> bool {
+        let is_packed = self.pack.is_some_and(|pack| pack.file(path).is_some());
+        is_packed || self.assets.join(path).is_file()
+    }
+
     /// A file as its file type.
     pub(crate) fn parse<T: DeserializeOwned>(&self, path: &str) -> Result<T, SceneError> {
         match self.pack.filter(|pack| pack.file(path).is_some()) {

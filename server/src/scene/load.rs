@@ -51,6 +51,7 @@ impl Scene {
             furniture: Vec::new(),
             objects: Vec::new(),
             surfaces: Vec::new(),
+            places: Vec::new(),
             joints: Vec::new(),
             lighting: lighting(&place.key("light"), &file.light)?,
             start: {
@@ -87,6 +88,7 @@ impl Scene {
             unused_name(&place, &scene, &entry.name)?;
             scene.add_object(&reader, &place, entry)?;
         }
+        scene.add_places(&place, &file.place)?;
         scene.files = scene.texts_behind(file, path, names(assets, "materials")?);
         Ok(scene)
     }

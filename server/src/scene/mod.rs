@@ -13,6 +13,7 @@ mod material;
 mod object;
 mod packed;
 mod part;
+mod places;
 mod soft;
 
 pub use bounds::Bounds;
@@ -21,6 +22,8 @@ pub use error::SceneError;
 pub use folder::{AssetText, texts};
 pub(crate) use folder::{Files, names, parse, parse_packed, provenance, text};
 pub use object::object;
+pub use places::ReachedPlace;
+pub(crate) use places::kind_name;
 pub use soft::Soft;
 
 use std::sync::Arc;
@@ -42,6 +45,8 @@ pub struct Scene {
     pub objects: Vec<Body>,
     /// Surfaces for placing objects.
     pub surfaces: Vec<Surface>,
+    /// Strips of surfaces that the robot reaches.
+    pub places: Vec<ReachedPlace>,
     /// Joints of furniture that slides or turns.
     pub joints: Vec<FurnitureJoint>,
     /// Light.

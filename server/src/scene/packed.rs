@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use wheelarm_pack::{FurnitureEntry, Pack};
+use wheelarm_pack::{FurnitureEntry, HomeFile, Pack, PlaceEntry, RoomEntry, contains};
 
 use super::error::{Place, SceneError};
 use super::file::SceneFile;
@@ -20,6 +20,15 @@ impl Scene {
         let path = pack.asset_path("home.toml");
         let file = scene_file(pack)?;
         Self::from_file(assets, Some(pack), name, &path, &file)
+    }
+
+    /// The kind or name of the room of the pack's home at a point; empty outside of rooms.
+    #[must_use]
+    pub fn room_at(&self, at: [f64; 2]) -> String {
+        let home = self.pack.as_ref().and_then(|pack| pack.home());
+        let mut rooms = home.into_iter().flat_map(|home| &home.room);
+        let room = rooms.find(|room| contains(&room.outline, at));
+        room.map(kind_of_room).unwrap_or_default()
     }
 
     /// Texts for readers of recordings that need no shapes: the scene as a scene file without
@@ -64,7 +73,29 @@ fn scene_file(pack: &Pack) -> Result<SceneFile, SceneError> {
         start: home.start.clone(),
         furniture: pack.furniture().map_err(Box::new)?,
         object: home.object.clone(),
+        place: home.place.iter().map(|place| spoken(home, place)).collect(),
     })
+}
+
+/// A place with the kind of its room, or with the name of a room of unknown kind.
+fn spoken(home: &HomeFile, place: &PlaceEntry) -> PlaceEntry {
+    let room = place.room.as_ref().map(|name| {
+        let mut rooms = home.room.iter();
+        let found = rooms.find(|room| room.name == *name);
+        found.map_or_else(|| name.clone(), kind_of_room)
+    });
+    PlaceEntry {
+        room,
+        ..place.clone()
+    }
+}
+
+/// The kind of a room, or its name.
+fn kind_of_room(room: &RoomEntry) -> String {
+    match room.kind.as_str() {
+        "" => room.name.clone(),
+        kind => kind.to_owned(),
+    }
 }
 
 fn without_shapes(furniture: FurnitureEntry) -> FurnitureEntry {

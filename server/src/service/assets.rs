@@ -29,9 +29,12 @@ pub fn tasks(
             predicates: t.conditions.iter().map(ConditionSpec::label).collect(),
             variants: t.variants().map(|v| v.name.clone()).collect(),
             goal: convert::goal_kind(&t.goal).into(),
+            area: match t.is_query() {
+                true => String::new(),
+                false => t.area.name,
+            },
             name: t.name,
             activity: t.activity,
-            area: t.area.name,
             instructions: t.instructions,
             targets: t.targets,
         })
@@ -50,12 +53,9 @@ pub(super) fn texts(sim: &Simulation) -> Result<Vec<v1::AssetText>, String> {
         .into_iter()
         .map(|file| format!("{robot}/{file}"))
         .collect();
-    if !scenario.task.is_empty() {
-        paths.push(format!("tasks/{}.toml", scenario.task));
-        if let Some(task) = sim.task() {
-            paths.push(format!("areas/{}.toml", task.area.name));
-            paths.push(format!("templates/{}.toml", task.template));
-        }
+    if let Some(task) = sim.task() {
+        paths.extend_from_slice(&task.files);
+        paths.push(format!("templates/{}.toml", task.template));
     }
     paths.extend_from_slice(&sim.scene().files);
     paths.extend(models::files(&scenario.sensors));

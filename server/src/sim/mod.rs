@@ -48,11 +48,11 @@ use crate::sensors::imu::{self, Imu};
 use crate::sensors::models::{self, Device};
 use crate::sensors::odometry::Odometry;
 use crate::snapshot::{BodyRef, Contact, Fault, Snapshot};
-use crate::tasks::{Evaluation, Evaluator, Floor, TaskSpec};
+use crate::tasks::{Evaluation, Evaluator, Floor, TaskSpec, stocked};
 use crate::world::{World, WorstOfSoft};
 use arm_balls::ArmBalls;
 use carriers::Carriers;
-use scenario_sampling::{check_pose, generate_instruction, sample_open_values, seated, variant};
+use scenario_sampling::{check_pose, generate_instruction, sample_open_values, seated, settled};
 
 /// A running simulation.
 pub struct Simulation {
@@ -148,10 +148,11 @@ impl Simulation {
             false => scenario.cameras.iter().map(|c| c.name.as_str()).collect(),
         };
         let devices = models::load(assets, &scenario.sensors, &cameras, scenario.seed)?;
-        let mut scene = match &scenario.pack {
+        let scene = match &scenario.pack {
             ScenePack::Open(pack) => Scene::from_pack(assets, pack)?,
             ScenePack::Search | ScenePack::Exactly(_) => Scene::load(assets, &scenario.scene)?,
         };
+        let mut scene = stocked(assets, &scenario.task, scene)?;
         let task = match scenario.task.as_str() {
             "" => None,
             name => Some(TaskSpec::load(
@@ -161,10 +162,11 @@ impl Simulation {
                 &model.settings.gripper.corridor,
             )?),
         };
-        let variant = match &task {
-            Some(task) => Some(variant(task, &scenario)?.clone()),
+        let settled = match &task {
+            Some(task) => Some(settled(task, &scenario, &scene)?),
             None => None,
         };
+        let (task, variant) = settled.unzip();
         scene.keep_optional(variant.as_ref().map_or(&[], |variant| &variant.furniture));
         scenario.variant = variant.as_ref().map(|variant| variant.name.clone());
         if scenario.person.as_ref().is_none_or(|p| p.drawn.is_none()) {

@@ -16,10 +16,7 @@ use crate::tasks::{self, Floor, SceneSample, TaskSample, TaskSpec, Variant};
 
 /// The variant of a task's area: the named one, else the one whose objects the scenario
 /// places, else a sampled one.
-pub(super) fn variant<'a>(
-    task: &'a TaskSpec,
-    scenario: &Scenario,
-) -> Result<&'a Variant, SimError> {
+fn variant<'a>(task: &'a TaskSpec, scenario: &Scenario) -> Result<&'a Variant, SimError> {
     let offering = || task.variants();
     let given = match &scenario.variant {
         Some(name) => offering().find(|variant| variant.name == *name),
@@ -50,6 +47,17 @@ pub(super) fn variant<'a>(
             known: known.join(", "),
         }
     })
+}
+
+/// The task with the variant that the scenario names or samples; a query over the places of a
+/// home becomes the task at one of them.
+pub(super) fn settled(
+    task: &TaskSpec,
+    scenario: &Scenario,
+    scene: &Scene,
+) -> Result<(TaskSpec, Variant), SimError> {
+    let variant = variant(task, scenario)?;
+    Ok(task.settled(variant, scene, scenario.seed, &scenario.target)?)
 }
 
 /// Fills in open placements, target, start pose and instruction, and removes missing

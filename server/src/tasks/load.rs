@@ -10,8 +10,11 @@ use super::condition::{Name, Threshold};
 use super::context::TARGET;
 use super::file::TaskFile;
 use super::goal::{Goal, JointBounds};
+use super::home_query;
+use super::home_sites::HomeQuery;
 use super::name_check::check_name;
 use super::spec::{FailureSpec, TaskSpec, WaitSpec};
+use super::stock;
 use super::template::{FailureEntry, PersonEntry, Template, Verb};
 use crate::robot::CorridorSettings;
 use crate::scene::{Files, Place, Scene, SceneError, names, provenance};
@@ -25,8 +28,9 @@ pub fn list(assets: &Path, hand: &CorridorSettings) -> Result<Vec<TaskSpec>, Sce
     each(assets, names, hand).collect()
 }
 
-/// The usable tasks below `assets/tasks`, and those of the pack of `scene`. A task that is
-/// invalid costs itself: it is logged and left out.
+/// The usable tasks below `assets/tasks`, those of the pack of `scene`, and those below
+/// `assets/home_tasks` that `scene` satisfies. A task that is invalid costs itself: it is logged
+/// and left out.
 ///
 /// # Errors
 /// When the folder of tasks cannot be read.
@@ -36,6 +40,7 @@ pub fn usable(
     hand: &CorridorSettings,
 ) -> Result<Vec<TaskSpec>, SceneError> {
     let of_assets = each(assets, names(assets, "tasks")?, hand);
+    let queries = scene.map_or_else(Vec::new, |scene| of_home(assets, scene, hand));
     let scene = scene.filter(|scene| scene.pack.is_some());
     let packed = scene.into_iter().flat_map(|scene| {
         let pack = scene.pack.iter();
@@ -48,7 +53,25 @@ pub fn usable(
         task.inspect_err(|error| tracing::warn!("a task is left out: {error}"))
             .ok()
     });
-    Ok(usable.collect())
+    Ok(usable.chain(queries).collect())
+}
+
+/// The tasks below `assets/home_tasks` that a scene satisfies.
+fn of_home(assets: &Path, scene: &Scene, hand: &CorridorSettings) -> Vec<TaskSpec> {
+    // Assets of older versions lack the folder.
+    let names = names(assets, HOME_TASKS).unwrap_or_default().into_iter();
+    let load = |name: String| match TaskSpec::load(assets, &name, scene, hand) {
+        Ok(task) => Some(task),
+        Err(SceneError::NotOffered { .. }) => None,
+        Err(error) => {
+            tracing::warn!("a task is left out: {error}");
+            None
+        }
+    };
+    match scene.places.is_empty() {
+        true => Vec::new(),
+        false => names.filter_map(load).collect(),
+    }
 }
 
 /// Each of the named tasks of the assets.
@@ -63,17 +86,24 @@ fn each(
     let files = Files::of_assets(assets);
     names.into_iter().map(move |name| {
         let file = read(files, &name)?;
-        let scene_name = scene_of(files, &place(&name).key("area"), &file.area)?;
+        let Some(area_name) = file.area.clone() else {
+            return Err(place(&name).key("area").wrong(
+                "absent",
+                "an area in assets/tasks",
+                "name one, or move the file to assets/home_tasks",
+            ));
+        };
+        let scene_name = scene_of(files, &place(&name).key("area"), &area_name)?;
         if !scenes.contains_key(&scene_name) {
             let scene = Scene::load(assets, &scene_name)?;
             scenes.insert(scene_name.clone(), scene);
         }
         let scene = &scenes[&scene_name];
-        if !areas.contains_key(&file.area) {
-            let area = AreaSpec::load(assets, &file.area, scene, hand)?;
-            areas.insert(file.area.clone(), area);
+        if !areas.contains_key(&area_name) {
+            let area = AreaSpec::load(assets, &area_name, scene, hand)?;
+            areas.insert(area_name.clone(), area);
         }
-        let area = areas[&file.area].clone();
+        let area = areas[&area_name].clone();
         TaskSpec::checked(assets, &name, file, area, scene)
     })
 }
@@ -82,8 +112,32 @@ fn place(name: &str) -> Place {
     Place::file(&format!("tasks/{name}.toml"))
 }
 
+/// Folder of the tasks of every home.
+const HOME_TASKS: &str = "home_tasks";
+
+/// Path of a task below the assets folder, or in the pack of the scene.
+pub(super) fn path_of(files: Files<'_>, name: &str) -> String {
+    let [own, of_home] = ["tasks", HOME_TASKS].map(|folder| format!("{folder}/{name}.toml"));
+    match !files.contains(&own) && files.contains(&of_home) {
+        true => of_home,
+        false => own,
+    }
+}
+
+/// The scene with the objects that the task samples: those of the stock, when it has no area.
+///
+/// # Errors
+/// When a file is missing or a value is invalid.
+pub fn stocked(assets: &Path, task: &str, scene: Scene) -> Result<Scene, SceneError> {
+    let files = Files::of_scene(assets, &scene);
+    match task.is_empty() || read(files, task)?.area.is_some() {
+        true => Ok(scene),
+        false => home_query::stocked(assets, &scene),
+    }
+}
+
 fn read(files: Files<'_>, name: &str) -> Result<TaskFile, SceneError> {
-    let path = format!("tasks/{name}.toml");
+    let path = path_of(files, name);
     let file: TaskFile = files.parse(&path)?;
     provenance(&Place::file(&path), &file.origin, &file.license)?;
     Ok(file)
@@ -103,9 +157,48 @@ impl TaskSpec {
     ) -> Result<Self, SceneError> {
         let files = Files::of_scene(assets, scene);
         let file = read(files, name)?;
-        scene_of(files, &place(name).key("area"), &file.area)?;
-        let area = AreaSpec::load(assets, &file.area, scene, hand)?;
+        let Some(area) = file.area.clone() else {
+            let scene = home_query::stocked(assets, scene)?;
+            let path = path_of(files, name);
+            return home_query::read(assets, (name, &path), file, &scene, hand);
+        };
+        scene_of(files, &place(name).key("area"), &area)?;
+        let area = AreaSpec::load(assets, &area, scene, hand)?;
         Self::checked(assets, name, file, area, scene)
+    }
+
+    /// A task that is a query, before its place and target are sampled.
+    pub(super) fn from_query(
+        (name, path): (&str, &str),
+        file: TaskFile,
+        (area, targets, goal): (AreaSpec, Vec<String>, Goal),
+        query: HomeQuery,
+    ) -> Result<Self, SceneError> {
+        let place = &Place::file(path);
+        check_instructions(place, &file.instructions)?;
+        let template = &query.template;
+        let time_limit = file.time_limit.unwrap_or(home_query::TIME_LIMIT);
+        Ok(Self {
+            name: name.to_owned(),
+            files: vec![path.to_owned(), stock::FILE.to_owned()],
+            activity: file.activity,
+            goal,
+            area,
+            targets,
+            instructions: file.instructions,
+            time_limit: check_time_limit(place, time_limit)?,
+            conditions: template.conditions(&file.template, None, None)?,
+            failure: read_failure(&place.key("thresholds.failure"), &template.failure)?,
+            waits: read_waits(&place.key("template"), template.person)?,
+            template: file.template,
+            query: Some(query),
+        })
+    }
+
+    /// Checks a query with its place and its target.
+    pub(super) fn check_resolved(&self, scene: &Scene) -> Result<(), SceneError> {
+        self.check_conditions(&self.place(), scene)?;
+        self.check_goal(&self.place())
     }
 
     fn checked(
@@ -119,7 +212,10 @@ impl TaskSpec {
         let template = Template::read(assets, &place, &file.template, &file.thresholds)?;
         let object_key = place.key("object");
         let region = match (template.goal, &file.place) {
-            (Verb::Put, Some(query)) => Some(query.region(&place.key("place"), &area, scene)?),
+            (Verb::Put, Some(to)) => {
+                let place = place.key("place");
+                Some(to.region_query(&place)?.region(&place, &area, scene)?)
+            }
             (Verb::Put, None) => {
                 return Err(place.key("place").wrong(
                     "absent",
@@ -142,13 +238,14 @@ impl TaskSpec {
             }
             Verb::Open | Verb::Close => file.object.sliding(&object_key, &area, scene)?,
         };
-        if file.instructions.is_empty() || file.instructions.iter().any(|s| s.trim().is_empty()) {
-            return Err(place.key("instructions").wrong(
-                format!("{:?}", file.instructions),
-                "at least one sentence, none empty",
-                "write what a person would say",
+        if file.from.is_some() {
+            return Err(place.key("from").wrong(
+                "given beside area",
+                "one of them",
+                "leave out the area, or from",
             ));
         }
+        check_instructions(&place, &file.instructions)?;
         let joint_of = |name: &String| {
             let joint = scene.furniture_named(name).and_then(|i| scene.joint_of(i));
             joint.map_or(String::new(), |joint| joint.name.clone())
@@ -162,22 +259,21 @@ impl TaskSpec {
         let time_limit = file.time_limit.unwrap_or(template.time_limit);
         let mut spec = Self {
             name: name.to_owned(),
+            files: vec![
+                format!("tasks/{name}.toml"),
+                format!("areas/{}.toml", area.name),
+            ],
             template: file.template,
             activity: file.activity,
             goal: Goal::Lift,
             area,
             targets,
             instructions: file.instructions,
-            time_limit: place.key("time_limit").within(
-                time_limit,
-                1.0,
-                3600.0,
-                "s",
-                "times are simulated seconds",
-            )?,
+            time_limit: check_time_limit(&place, time_limit)?,
             conditions,
             failure: read_failure(&place.key("thresholds.failure"), &template.failure)?,
             waits: read_waits(&place.key("template"), template.person)?,
+            query: None,
         };
         spec.check_conditions(&place, scene)?;
         spec.goal = match (template.goal, region) {
@@ -279,6 +375,24 @@ impl TaskSpec {
             )),
         }
     }
+}
+
+fn check_instructions(place: &Place, sentences: &[String]) -> Result<(), SceneError> {
+    if sentences.is_empty() || sentences.iter().any(|s| s.trim().is_empty()) {
+        return Err(place.key("instructions").wrong(
+            format!("{sentences:?}"),
+            "at least one sentence, none empty",
+            "write what a person would say",
+        ));
+    }
+    Ok(())
+}
+
+fn check_time_limit(place: &Place, seconds: f64) -> Result<f64, SceneError> {
+    let why = "times are simulated seconds";
+    place
+        .key("time_limit")
+        .within(seconds, 1.0, 3600.0, "s", why)
 }
 
 fn read_waits(place: &Place, entry: Option<PersonEntry>) -> Result<WaitSpec, SceneError> {

@@ -4,6 +4,8 @@
 //!   ranges.
 //! - `load` reads `assets/tasks/NAME.toml` into a `spec`: a `template`, and queries for
 //!   its objects.
+//! - `home_query` reads a task without an area: queries for places of a home
+//!   (`place_query`) and for objects of the `stock`.
 //! - `scene_sampling` samples a scene from area and seed, independent of the task.
 //! - `task_sampling` then selects a target in it, and `sentence` generates an
 //!   instruction by the grammar when a scenario requests one.
@@ -17,6 +19,7 @@ mod arrangement;
 #[cfg(test)]
 mod care_tests;
 mod condition;
+mod condition_spec;
 mod context;
 mod evaluate;
 mod failure;
@@ -24,8 +27,11 @@ mod file;
 mod floor;
 mod goal;
 mod grasp_clearance;
+mod home_query;
+mod home_sites;
 mod load;
 mod name_check;
+mod place_query;
 mod placement_clearance;
 mod predicates;
 mod query;
@@ -36,6 +42,7 @@ mod rest;
 mod scene_sampling;
 mod sentence;
 mod spec;
+mod stock;
 pub mod table;
 mod task_sampling;
 mod template;
@@ -43,12 +50,13 @@ mod template;
 mod tests;
 
 pub use area::{AreaSpec, PlaceSpec, Range, RestShares, SlideSpec, StartSpec, Variant};
+pub use condition_spec::ConditionSpec;
 pub use evaluate::{Condition, Evaluation, Evaluator, EvaluatorState, HARD};
 pub use failure::Failure;
 pub use floor::{Floor, collision_boxes};
 pub use goal::Goal;
-pub use load::{list, usable};
+pub use load::{list, stocked, usable};
 pub use scene_sampling::{SceneSample, sample_scene};
 pub use sentence::{Language, POLITENESS, sentence};
-pub use spec::{ConditionSpec, FailureSpec, TaskSpec, WaitSpec};
+pub use spec::{FailureSpec, TaskSpec, WaitSpec};
 pub use task_sampling::{TaskSample, sample, variant_of};

@@ -10,13 +10,13 @@ use crate::scene::{Body, Place, Scene, SceneError};
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Query {
-    name: Option<String>,
-    category: Option<String>,
-    colour: Option<String>,
+    pub name: Option<String>,
+    pub category: Option<String>,
+    pub colour: Option<String>,
 }
 
 impl Query {
-    fn fits(&self, body: &Body) -> bool {
+    pub(super) fn fits(&self, body: &Body) -> bool {
         let fits =
             |wanted: &Option<String>, is: &str| wanted.as_deref().is_none_or(|wanted| wanted == is);
         fits(&self.name, &body.name)

@@ -1,16 +1,20 @@
 //! Specification of a task: plain data, checked against its scene by the loader.
 
 use super::area::{AreaSpec, Variant};
+use super::condition_spec::ConditionSpec;
 use super::goal::Goal;
-use super::predicates::AnyPredicate;
+use super::home_sites::HomeQuery;
+use super::stock;
 use crate::people::PersonSetting;
 use crate::scene::{Place, Scene, Surface};
 
 /// A task: target, goal and conditions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TaskSpec {
-    /// Name of the file below assets/tasks.
+    /// Name of the file below assets/tasks or assets/home_tasks.
     pub name: String,
+    /// This file, and that of the area or of the stock, below the assets folder.
+    pub files: Vec<String>,
     /// Its template below assets/templates.
     pub template: String,
     /// Activity of daily living: `serve`, `organize`.
@@ -33,6 +37,8 @@ pub struct TaskSpec {
     pub failure: FailureSpec,
     /// Behaviour of the person, unless the scenario sets it.
     pub waits: WaitSpec,
+    /// It is a query over the places of a home, and has no target, place and conditions yet.
+    pub(super) query: Option<HomeQuery>,
 }
 
 /// Default posture of the person in care tasks.
@@ -56,17 +62,6 @@ impl Default for WaitSpec {
     }
 }
 
-/// A condition of the task.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ConditionSpec {
-    /// What must hold.
-    pub(super) predicate: AnyPredicate,
-    /// Required for success, or only reported.
-    pub required: bool,
-    /// Only with a person in the chair.
-    pub with_person: bool,
-}
-
 /// When the target counts as dropped or tipped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FailureSpec {
@@ -79,14 +74,6 @@ pub struct FailureSpec {
     pub reach: Option<f64>,
     /// Contact force of the robot with furniture above which the task fails, N.
     pub force: f64,
-}
-
-impl ConditionSpec {
-    /// The predicate with its subjects, for example `inside(knife, placemat)`.
-    #[must_use]
-    pub fn label(&self) -> String {
-        self.predicate.label()
-    }
 }
 
 /// Activity of care tasks.
@@ -116,6 +103,11 @@ impl TaskSpec {
         person
     }
 
+    /// Whether its sentences name places by room and kind of furniture: it has no area file.
+    pub(super) fn names_places(&self) -> bool {
+        self.files.iter().any(|file| file == stock::FILE)
+    }
+
     /// The furniture on which the task puts the target, if any.
     #[must_use]
     pub fn region_name(&self) -> Option<&str> {
@@ -137,6 +129,8 @@ impl TaskSpec {
         let needed: Vec<&str> = match self.goal {
             // Furniture always exists.
             Goal::Open(_) | Goal::Close(_) => Vec::new(),
+            // Every variant of a query is a place with an object.
+            _ if self.query.is_some() => Vec::new(),
             Goal::Lift | Goal::Give | Goal::Bring | Goal::Put { .. } => {
                 objects.chain(self.region_name()).collect()
             }
@@ -147,6 +141,6 @@ impl TaskSpec {
 
     /// Place of this task in error messages.
     pub(super) fn place(&self) -> Place {
-        Place::file(&format!("tasks/{}.toml", self.name))
+        Place::file(self.files.first().map_or("", String::as_str))
     }
 }

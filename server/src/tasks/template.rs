@@ -6,9 +6,9 @@ use std::path::Path;
 use serde::Deserialize;
 use toml::{Table, Value};
 
+use super::condition_spec::ConditionSpec;
 use super::context::TARGET;
 use super::predicates::AnyPredicate;
-use super::spec::ConditionSpec;
 use crate::scene::{Place, SceneError, names, parse, provenance};
 
 /// Placeholder in a template for the place of the task.
@@ -27,7 +27,7 @@ pub(super) enum Verb {
 }
 
 /// A template with the thresholds of one task, before validation.
-#[derive(Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Template {
     origin: String,
@@ -40,14 +40,14 @@ pub(super) struct Template {
     pub person: Option<PersonEntry>,
 }
 
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub(super) struct PersonEntry {
     pub motion: f64,
     pub mouth_open: bool,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 struct ConditionEntry {
     required: bool,
@@ -60,7 +60,7 @@ struct ConditionEntry {
     predicate: Table,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub(super) struct FailureEntry {
     pub drop: f64,

@@ -21,6 +21,7 @@ mod forgery;
 mod gate;
 mod hashes;
 mod hinges;
+mod home_tasks;
 mod installed;
 mod multiply;
 mod mutation;

@@ -35,7 +35,7 @@ use entry::Job;
 use report::Report;
 use runner::Runner;
 use scope::Scope;
-use wheelarm_rollout::launcher::{TaskSources, tasks_of_program};
+use wheelarm_rollout::launcher::{TaskSources, refusal_of_program, tasks_of_program};
 
 pub use args::EvaluateArgs;
 pub use entry::Entry;
@@ -212,11 +212,12 @@ fn skipped(args: &EvaluateArgs, done: &[&Entry], wanted: usize) -> String {
 /// Names of the tasks to run. With the axis `layout`, `all` means the tasks that have several
 /// layouts.
 fn tasks(args: &EvaluateArgs, layout: bool) -> anyhow::Result<Vec<String>> {
-    let listed = tasks_of_program(TaskSources {
+    let sources = TaskSources {
         assets: args.assets.as_deref(),
         packs: &args.packs.packs,
         scene: &args.scene,
-    })?;
+    };
+    let listed = tasks_of_program(sources)?;
     let (several, one): (Vec<_>, Vec<_>) = listed.iter().partition(|task| task.variants.len() > 1);
     let names = |tasks: Vec<&v1::TaskInfo>| {
         let names = tasks.into_iter().map(|task| task.name.clone());
@@ -227,12 +228,21 @@ fn tasks(args: &EvaluateArgs, layout: bool) -> anyhow::Result<Vec<String>> {
         if layout {
             eprintln!("skipped, because they have one layout: {}", one.join(", "));
         }
-        return Ok(if layout { several } else { all });
+        // Tasks of every home are named one by one: what they sample depends on the home.
+        let of_areas = names(listed.iter().filter(|task| !task.area.is_empty()).collect());
+        let chosen = if layout { several } else { all };
+        let of_areas = |name: &String| of_areas.contains(name);
+        return Ok(chosen.into_iter().filter(of_areas).collect());
     }
     let mut tasks = Vec::new();
     for name in each_once(&args.task)? {
         if !all.iter().any(|task| task == name) {
-            bail!("no task named {name:?}; available: {}", all.join(", "));
+            let reason = refusal_of_program(sources, name)?.unwrap_or_default();
+            bail!(
+                "no task named {name:?} in {}: {reason}; available: {}",
+                args.scene,
+                all.join(", ")
+            );
         }
         if layout && one.iter().any(|task| task == name) {
             bail!(

@@ -24,7 +24,7 @@ use wheelarm_expert::run::Progress;
 use wheelarm_options::choice::{named, seed_range};
 use wheelarm_options::packs::PackArgs;
 use wheelarm_rollout::launcher::{
-    Input, Launch, Process, Program, TaskSources, all_cameras, tasks_of_program,
+    Input, Launch, Process, Program, TaskSources, all_cameras, refusal_of_program, tasks_of_program,
 };
 use wheelarm_rollout::{Backend, Limits, Observer, Processes, Record, Rollout, free_label};
 
@@ -111,16 +111,19 @@ impl DemoArgs {
 /// When a program cannot be started or stops replying.
 pub fn run(args: &DemoArgs) -> anyhow::Result<ExitCode> {
     let (first, end) = args.seeds.unwrap_or((args.seed, args.seed + 1));
-    let tasks = tasks_of_program(TaskSources {
+    let sources = TaskSources {
         assets: args.assets.as_deref(),
         packs: &args.packs.packs,
         scene: &args.scene,
-    })?;
+    };
+    let tasks = tasks_of_program(sources)?;
     if !args.task.is_empty() && !tasks.iter().any(|task| task.name == args.task) {
         let names: Vec<&str> = tasks.iter().map(|task| task.name.as_str()).collect();
+        let reason = refusal_of_program(sources, &args.task)?.unwrap_or_default();
         bail!(
-            "no task named {:?}; available: {}",
+            "no task named {:?} in {}: {reason}; available: {}",
             args.task,
+            args.scene,
             names.join(", ")
         );
     }

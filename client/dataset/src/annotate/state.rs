@@ -300,10 +300,11 @@ fn held(
 
 /// Verb and goal of the task by its recorded file.
 fn goal(assets: &[(String, String)], task: &str) -> (String, String) {
+    // Also home_tasks/NAME.toml.
     let path = format!("tasks/{task}.toml");
     let text = assets
         .iter()
-        .find(|(p, _)| *p == path)
+        .find(|(p, _)| p.ends_with(&path))
         .map(|(_, text)| text);
     let file: Option<TaskFile> = text.and_then(|text| toml::from_str(text).ok());
     let Some(file) = file else {

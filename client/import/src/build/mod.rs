@@ -253,6 +253,7 @@ pub fn assemble(
         opening: opening_entries,
         piece: pieces,
         object: Vec::new(),
+        place: Vec::new(),
     };
     count(&home_file, &tables, &triangles, &mut summary);
     let manifest = manifest(options, home, &origin, &license, &sources, &mut summary);

@@ -3,4 +3,4 @@
 mod flat;
 mod home;
 mod malformed;
-mod tasks;
+mod places;

@@ -12,7 +12,7 @@ mod server;
 mod socket;
 mod work;
 
-pub use listed_tasks::{TaskSources, tasks_of_program};
+pub use listed_tasks::{TaskSources, refusal_of_program, tasks_of_program};
 pub use process::{Input, Launch, Process, Program, end_with_parent};
 pub use program::{find_program, programs_named, required_program};
 pub use recorder::{Lifetime, Record, Recorder};

@@ -61,6 +61,7 @@ fn check_home(home: &HomeFile) -> Result<(), PackError> {
         ("opening", home.opening.len()),
         ("piece", home.piece.len()),
         ("object", home.object.len()),
+        ("place", home.place.len()),
     ] {
         place
             .key(list)
@@ -88,6 +89,17 @@ fn check_home(home: &HomeFile) -> Result<(), PackError> {
         place
             .key("height")
             .within(room.height, 0.5, 20.0, "m", "lengths are metres")?;
+    }
+    for entry in &home.place {
+        let place = place.entry("place", wheelarm_proto::check::beginning(&entry.on));
+        let unknown = entry.room.as_ref().filter(|room| !names.contains(room));
+        if let Some(room) = unknown {
+            return Err(place.key("room").wrong(
+                format!("{:?}", wheelarm_proto::check::beginning(room)),
+                "the name of a room",
+                "correct the name or leave it out",
+            ));
+        }
     }
     Ok(())
 }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::part::is_default;
+use super::place::PlaceEntry;
 use super::scene::{LightEntry, ObjectEntry, RoomCameraEntry, StartEntry};
 
 /// `home.toml`: a home in metres and degrees; x east, y north, z up, the floor at z = 0.
@@ -36,6 +37,9 @@ pub struct HomeFile {
     /// Objects on the surfaces of pieces.
     #[serde(default, skip_serializing_if = "is_default")]
     pub object: Vec<ObjectEntry>,
+    /// Places for objects of tasks.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub place: Vec<PlaceEntry>,
 }
 
 /// A room: a floor and a ceiling with an outline.

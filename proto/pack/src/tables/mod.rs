@@ -9,4 +9,5 @@ pub mod manifest;
 pub mod material;
 pub mod object;
 pub mod part;
+pub mod place;
 pub mod scene;

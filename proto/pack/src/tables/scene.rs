@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::object::GraspEntry;
 use super::part::{PartEntry, is_default};
+use super::place::PlaceEntry;
 
 /// `assets/scenes/NAME.toml`.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
@@ -25,6 +26,9 @@ pub struct SceneFile {
     /// Free bodies.
     #[serde(default)]
     pub object: Vec<ObjectEntry>,
+    /// Places for objects of tasks.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub place: Vec<PlaceEntry>,
 }
 
 /// Light of a scene, linear RGB times intensity.

@@ -129,16 +129,13 @@ pub fn goal(
                 .map(|tip| vector(&tip.coords));
         }
         tasks::Goal::Put { on } => {
-            message.region = scene
-                .surface_named(on, None)
-                .map(|surface| v1::BoxGeometry {
-                    pose: Some(pose(&surface.centre())),
-                    half: Some(vector(&nalgebra::Vector3::new(
-                        surface.depth / 2.0,
-                        surface.width / 2.0,
-                        0.0,
-                    ))),
-                });
+            message.region = scene.surface_named(on, None).map(|surface| {
+                let (centre, half) = scene.reached_part(surface);
+                v1::BoxGeometry {
+                    pose: Some(pose(&centre)),
+                    half: Some(vector(&half)),
+                }
+            });
         }
         tasks::Goal::Open(bounds) | tasks::Goal::Close(bounds) => {
             let joint = scene

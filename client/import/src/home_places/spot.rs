@@ -1,4 +1,4 @@
-//! A place for the object of a task: the ranges on a reached surface in which it starts.
+//! A place on a reached surface: the ranges in which the objects of tasks start.
 
 use wheelarm_pack::HomeFile;
 
@@ -40,22 +40,14 @@ pub(super) struct Spot {
     pub piece: String,
     /// Name of the surface on the piece.
     pub surface: String,
-    /// Number of the surface on its piece, from 1.
-    pub number: usize,
-    /// The piece in words.
-    pub piece_words: String,
-    /// Category of the piece.
-    pub category: String,
-    /// The room in words; empty outside of rooms.
-    pub room_words: String,
+    /// Name of the room; `None` outside of rooms.
+    pub room: Option<String>,
     /// Quarter turns from the approach edge of the surface to that of the spot.
     pub side: usize,
     /// Range from the approach edge inwards, metres.
     pub inwards: [f64; 2],
     /// Range along the edge from its middle, metres.
     pub along: [f64; 2],
-    /// Depth of the surface behind the edge, metres.
-    pub depth: f64,
     /// Free height above the surface, at most 0.6 m.
     pub headroom: f64,
     /// Middle of the spot in `house`, metres.
@@ -65,7 +57,7 @@ pub(super) struct Spot {
     /// Start of the chair.
     pub start: Start,
     /// The chair does not get there from the start of the home.
-    pub within: bool,
+    pub apart: bool,
 }
 
 impl Spot {
@@ -126,33 +118,19 @@ impl Spot {
                 && (0..2).all(|i| at[i] + APART > low[i] && at[i] - APART < high[i])
         });
         let lowest = over.map(|solid| solid.heights[0] - surface.height);
-        let of_piece = home.surfaces.iter().filter(|s| s.piece == surface.piece);
-        let number = of_piece.take_while(|s| s.name != surface.name).count() + 1;
         let room = home.room_at(at).or_else(|| home.room_at(surface.centre));
-        let room = room.map(|room| &home.rooms[room]);
-        let is_unknown = piece.category.is_empty() || piece.category == "furniture";
         Ok(Self {
             piece: piece.name.clone(),
             surface: surface.name.clone(),
-            number,
-            piece_words: words(match is_unknown {
-                true => &piece.name,
-                false => &piece.category,
-            }),
-            category: piece.category.clone(),
-            room_words: room.map_or(String::new(), |room| match room.kind.is_empty() {
-                true => words(&room.name),
-                false => words(&room.kind),
-            }),
+            room: room.map(|room| home.rooms[room].name.clone()),
             side: strip.side,
             inwards: inwards.map(rounded),
             along: along.map(rounded),
-            depth: strip.depth,
             headroom: lowest.fold(ABOVE, f64::min),
             at,
             stop: middle.1,
             start: Start::default(),
-            within: false,
+            apart: false,
         })
     }
 
@@ -162,25 +140,16 @@ impl Spot {
         Self {
             piece: piece.into(),
             surface: surface.into(),
-            number: 1,
-            piece_words: "table".into(),
-            category: "table".into(),
-            room_words: "kitchen".into(),
+            room: Some("kitchen".into()),
             side: 0,
             inwards: [0.1, 0.2],
             along: [0.0, 0.2],
-            depth: 0.25,
             headroom: 0.35,
             at: [0.0; 2],
             stop: [0.0; 3],
             start: Start::default(),
-            within: false,
+            apart: false,
         }
-    }
-
-    /// Length of the range along the edge, metres.
-    pub(super) fn length(&self) -> f64 {
-        self.along[1] - self.along[0]
     }
 }
 
@@ -231,13 +200,6 @@ fn bounds(solid: &Solid) -> [[f64; 2]; 2] {
     [-1.0, 1.0].map(|sign| [0, 1].map(|i| outline.centre[i] + sign * half[i]))
 }
 
-/// A name as words, without its number.
-fn words(name: &str) -> String {
-    let is_number = |word: &&str| word.bytes().all(|b| b.is_ascii_digit());
-    let words: Vec<&str> = name.split(['_', '-']).filter(|w| !is_number(w)).collect();
-    words.join(" ")
-}
-
 /// Rounds to a millimetre; negative zero becomes zero.
 pub(super) fn rounded(value: f64) -> f64 {
     (value * 1e3).round() / 1e3 + 0.0
@@ -255,11 +217,5 @@ mod tests {
         let run: Vec<f64> = longest_run(&points).iter().map(|p| p.0).collect();
         assert_eq!(run, [0.0, 0.1, 0.2]);
         assert!(longest_run(&[]).is_empty());
-    }
-
-    #[test]
-    fn names_become_words_without_numbers() {
-        assert_eq!(words("kitchen_cabinet_2"), "kitchen cabinet");
-        assert_eq!(words("living_room"), "living room");
     }
 }

@@ -1,9 +1,9 @@
-//! Tasks of imported and authored homes, whose files name existing objects and surfaces.
+//! Places of imported and authored homes, on existing surfaces.
 
 use std::path::{Path, PathBuf};
 
+use wheelarm_import::home_places::{self, HomePlaces, PlaceRobot};
 use wheelarm_import::home_report::{Posture, RobotFacts};
-use wheelarm_import::home_tasks::{self, HomeTasks, MOST, TaskRobot};
 use wheelarm_import::{Options, import};
 use wheelarm_pack::{HomeFile, KindFile, Pack, contains};
 
@@ -25,23 +25,13 @@ fn imported(flat: &Flat) -> Pack {
     import("flat.sh3d", flat.bytes(), &options).unwrap().pack
 }
 
-fn added(pack: &Pack) -> HomeTasks {
+fn added(pack: &Pack) -> HomePlaces {
     let robot = robot();
-    let robot = TaskRobot {
+    let robot = PlaceRobot {
         drives: &robot,
         starts: &robot,
     };
-    home_tasks::add(pack, robot).unwrap()
-}
-
-fn table(pack: &Pack, path: &str) -> toml::Table {
-    let bytes = pack.file(path).unwrap_or_else(|| panic!("no {path}"));
-    toml::from_str(std::str::from_utf8(bytes).unwrap()).unwrap()
-}
-
-fn range(table: &toml::Table, key: &str) -> [f64; 2] {
-    let values = table[key].as_array().unwrap();
-    [0, 1].map(|i| values[i].as_float().unwrap())
+    home_places::add(pack, robot).unwrap()
 }
 
 fn kind_of<'a>(pack: &'a Pack, home: &HomeFile, piece: &str) -> &'a KindFile {
@@ -49,65 +39,46 @@ fn kind_of<'a>(pack: &'a Pack, home: &HomeFile, piece: &str) -> &'a KindFile {
     &pack.kinds()[&entry.kind]
 }
 
-/// Checks the files of every task; returns the names of the pieces.
-fn check(found: &HomeTasks) -> Vec<String> {
+/// Checks every place; returns the names of the pieces.
+fn check(found: &HomePlaces) -> Vec<String> {
     let pack = Pack::from_zip(&found.pack.to_zip().unwrap()).unwrap();
     let home = pack.home().unwrap();
     let mut pieces = Vec::new();
-    for name in &found.tasks {
-        let task = table(&pack, &format!("tasks/{name}.toml"));
-        let object = task["object"]["name"].as_str().unwrap();
-        assert_eq!(task["area"].as_str(), Some(name.as_str()));
-        assert!(
-            root()
-                .join(format!("assets/objects/{object}.toml"))
-                .is_file()
-        );
-        let entry = home.object.iter().find(|entry| entry.name == object);
-        assert!(entry.unwrap().optional, "only its tasks place it");
-        let area = table(&pack, &format!("areas/{name}.toml"));
-        assert_eq!(area["scene"].as_str(), Some("flat"));
-        let place = area["place"][0].as_table().unwrap();
-        assert_eq!(place["object"].as_str(), Some(object));
-        let on = place["on"].as_str().unwrap();
-        let kind = kind_of(&pack, home, on);
-        let named = |surface: &&wheelarm_pack::SurfaceEntry| {
-            Some(surface.name.as_str()) == place["surface"].as_str()
-        };
-        let surface = kind.surfaces.iter().find(named).unwrap();
-        let (inwards, along) = (range(place, "inwards"), range(place, "along"));
+    for place in &home.place {
+        let kind = kind_of(&pack, home, &place.on);
+        let surface = kind.surfaces.iter().find(|s| s.name == place.surface);
+        let surface = surface.unwrap();
+        let (inwards, along) = (place.inwards, place.along);
         assert!(0.0 < inwards[0] && inwards[0] <= inwards[1] && inwards[1] < surface.depth);
         assert!(along[0] <= along[1] && along.iter().all(|a| a.abs() < surface.width / 2.0));
-        let start = area["start"].as_table().unwrap();
-        let [x, y] = ["x", "y"].map(|key| range(start, key));
+        assert!(place.headroom > 0.2, "{place:?}");
+        let (x, y) = (place.start.x, place.start.y);
         for at in [[x[0], y[0]], [x[1], y[1]]] {
             let is_inside = home.room.iter().any(|room| contains(&room.outline, at));
-            assert!(is_inside, "{name} starts at {at:?}");
+            assert!(is_inside, "{} starts at {at:?}", place.on);
         }
-        pieces.push(on.to_owned());
+        pieces.push(place.on.clone());
     }
     pieces
 }
 
 #[test]
-fn each_reached_surface_has_a_task_or_a_reason() {
+fn each_reached_surface_has_a_place_or_a_reason() {
     let found = added(&imported(&Flat::new()));
     let reached = found.reached + found.reached_within;
     assert!(found.reached > 0 && reached <= found.surfaces);
-    assert_eq!(found.tasks.len() + found.skipped.len(), reached);
-    assert!(found.tasks_within <= found.reached_within);
-    assert!(!found.tasks.is_empty() && found.tasks.len() <= MOST);
     let pieces = check(&found);
+    assert_eq!(pieces.len() + found.skipped.len(), reached);
     assert!(pieces.contains(&"kitchen_cabinet".to_owned()), "{pieces:?}");
-    let name = &found.tasks[0];
-    let task = table(&found.pack, &format!("tasks/{name}.toml"));
-    let sentence = task["instructions"][0].as_str().unwrap();
-    assert!(sentence.starts_with("Pick up the "), "{sentence}");
-    assert!(sentence.contains(" in the "), "{sentence}");
+    let places = &found.pack.home().unwrap().place;
+    let apart = places.iter().filter(|place| place.apart).count();
+    assert!(apart <= found.reached_within);
+    let cabinet = places.iter().find(|place| place.on == "kitchen_cabinet");
+    assert!(cabinet.unwrap().room.is_some());
 }
 
 #[test]
-fn equal_homes_give_equal_tasks() {
+fn equal_homes_give_equal_places() {
     let zip = || added(&imported(&Flat::new())).pack.to_zip().unwrap();
     assert!(zip() == zip());
 }
@@ -133,7 +104,7 @@ fn authored_home_keeps_its_files_and_objects() {
 }
 
 #[test]
-fn surface_without_reach_has_no_task() {
+fn surface_without_reach_has_no_place() {
     // A cabinet that is higher than the arm.
     let high = Flat::new().with("height='85'", "height='190'");
     let found = added(&imported(&high));
@@ -151,10 +122,10 @@ fn pack_without_a_home_is_rejected() {
     files.remove("home.toml");
     let pack = Pack::from_files(files).unwrap();
     let robot = robot();
-    let robot = TaskRobot {
+    let robot = PlaceRobot {
         drives: &robot,
         starts: &robot,
     };
-    let error = home_tasks::add(&pack, robot).unwrap_err().to_string();
+    let error = home_places::add(&pack, robot).unwrap_err().to_string();
     assert!(error.contains("has no home.toml"), "{error}");
 }

@@ -1,0 +1,46 @@
+//! Table of the places of a home, `[[place]]`.
+
+use serde::{Deserialize, Serialize};
+
+use super::part::is_default;
+
+/// A strip of a surface that the robot reaches, and where the chair starts near it. The import
+/// of a home writes them from its report.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlaceEntry {
+    /// Furniture that has the surface.
+    pub on: String,
+    /// Surface of the furniture.
+    pub surface: String,
+    /// Kind of the furniture, one word; its category when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub kind: Option<String>,
+    /// Room of the surface: in `home.toml` the name of one of its rooms, in a scene file its
+    /// kind.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub room: Option<String>,
+    /// Range of an object's middle from the approach edge inwards, metres.
+    pub inwards: [f64; 2],
+    /// Range of an object's middle along the edge from its middle, metres.
+    pub along: [f64; 2],
+    /// Free height above the surface, metres.
+    pub headroom: f64,
+    /// The chair does not get there from the start of the home: it starts in the room.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub apart: bool,
+    /// Start of the chair near the place.
+    pub start: StartRangesEntry,
+}
+
+/// Ranges of a start of the chair: smallest and largest value.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct StartRangesEntry {
+    /// Metres.
+    pub x: [f64; 2],
+    /// Metres.
+    pub y: [f64; 2],
+    /// Degrees.
+    pub yaw_deg: [f64; 2],
+}
