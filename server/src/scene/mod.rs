@@ -14,6 +14,7 @@ mod object;
 mod packed;
 mod part;
 mod soft;
+mod urdf;
 
 pub use bounds::Bounds;
 pub(crate) use error::Place;
