@@ -181,7 +181,7 @@ fn in_words(part: &SourceEntry) -> String {
 
 impl Pack {
     /// Author and license of every part: the sources of `pack.toml`, and what it does not
-    /// list. A kind without a source has the license of the home.
+    /// list. A kind without a source has author and license of the home.
     #[must_use]
     pub fn credits(&self) -> Vec<SourceEntry> {
         let mut all = self.manifest().source.clone();
@@ -200,13 +200,22 @@ impl Pack {
         if let Some(home) = self.home() {
             add(&mut all, "home", &home.license, &home.origin);
         }
-        let of_home = self.home().map_or(UNKNOWN, |home| home.license.as_str());
-        for kind in self
-            .kinds()
-            .keys()
-            .filter(|kind| !listed(&self.manifest().source, kind))
-        {
-            add(&mut all, kind, of_home, "");
+        let of_home = all.iter().find(|source| source.of == "home").cloned();
+        let kinds = self.kinds().keys();
+        for kind in kinds.filter(|kind| !listed(&self.manifest().source, kind)) {
+            let own = match &of_home {
+                Some(home) => SourceEntry {
+                    of: kind.clone(),
+                    ..home.clone()
+                },
+                None => SourceEntry {
+                    of: kind.clone(),
+                    author: String::new(),
+                    license: UNKNOWN.to_owned(),
+                    origin: String::new(),
+                },
+            };
+            all.push(own);
         }
         // Both files were read when the pack was checked.
         for name in self.names("objects", "toml") {

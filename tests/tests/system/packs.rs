@@ -180,7 +180,10 @@ fn check_for_commercial_use_names_the_parts_that_do_not_permit_it() {
     pack.write_folder(&bound).expect("a pack");
     let check = |folder: &Path, more: &[&str]| {
         let path = folder.to_string_lossy().into_owned();
-        let output = wheelarm(place.path(), &[&["pack", "check", &path][..], more].concat());
+        let output = wheelarm(
+            place.path(),
+            &[&["pack", "check", &path][..], more].concat(),
+        );
         (output.status.success(), printed(&output))
     };
     let commercial = ["--licence", "commercial"];
