@@ -213,7 +213,8 @@ fn put(client: &Client, path: &Path) -> anyhow::Result<String> {
             zip_length: zip.len() as u64,
             offset: (index * PIECE) as u64,
             piece: piece.to_vec().into(),
-        })?;
+        });
+        let reply = reply.context("cannot send the pack; with keys it needs the role admin")?;
         stored = reply.pack;
     }
     let Some(stored) = stored else {
