@@ -272,16 +272,16 @@ def test_furniture_is_described_and_its_joints_and_frames_follow_the_samples(
     for sample, message in pairs(sent, states):
         assert list(message.name) == names
         assert message.position == array.array("d", sample.positions)
-    until(lambda: static and len(moving) > 5)
+    until(lambda: static and by_stamp(m.transforms[0] for m in list(moving)).keys() & sent.keys())
     fixed = {t.child_frame_id: (t.header.frame_id, from_message(t)) for t in static[-1].transforms}
-    for rest in scene.joints:
-        place = tree.from_pose(rest.rest)
-        last = {t.child_frame_id: t for t in moving[-1].transforms}[rest.body]
-        chained = chain(
-            {**fixed, rest.body: (last.header.frame_id, from_message(last))}, rest.body
-        )
-        # Closed drawers: the pose at position 0.
-        assert difference(chained, place) < 1e-3
+    last = [m for m in list(moving) if stamp(m.transforms[0]) in sent][-1]
+    frames = {t.child_frame_id: (t.header.frame_id, from_message(t)) for t in last.transforms}
+    positions = sent[stamp(last.transforms[0])].positions
+    for joint, position in zip(scene.joints, positions, strict=True):
+        at, turn = tree.from_pose(joint.rest)
+        axis = (joint.axis.x, joint.axis.y, joint.axis.z)
+        at = tuple(a + position * part for a, part in zip(at, axis, strict=True))
+        assert difference(chain({**fixed, **frames}, joint.body), (at, turn)) < 1e-9
 
 
 def test_camera_is_received_only_with_a_subscriber(server, peer):
