@@ -13,6 +13,13 @@ pub fn of_message<'a>(pieces: impl IntoIterator<Item = &'a [u8]>) -> Digest {
     hasher.finalize().into()
 }
 
+/// SHA-256 of a file, for senders without BLAKE3.
+#[must_use]
+pub fn sha256(file: &[u8]) -> Digest {
+    use sha2::Digest as _;
+    sha2::Sha256::digest(file).into()
+}
+
 /// Digest of a stream: BLAKE3 over the digests of its messages in the order of their
 /// sequence numbers. A receiver that gets messages out of order can still compute it,
 /// and large messages are hashed where they are.

@@ -376,7 +376,7 @@ def mcap(path, recordings):
     from mcap.reader import make_reader
 
     for label, source in by_label(recordings).items():
-        counts, last, types, first, transforms, description = {}, 0, {}, {}, {}, None
+        counts, last, types, first, transforms, texts = {}, 0, {}, {}, {}, {}
         with open(path / f"{label}.mcap", "rb") as stream:
             reader = make_reader(stream)
             attached = {a.name: a.data.decode() for a in reader.iter_attachments()}
@@ -389,8 +389,8 @@ def mcap(path, recordings):
                     assert (channel.message_encoding, schema.name, schema.data) == ("cdr", "std_msgs/msg/String", b"string data\n")
                     size = int.from_bytes(message.data[4:8], "little")
                     assert message.data[:4] == b"\0\1\0\0" and len(message.data) == 8 + size and message.data[-1] == 0
-                    assert channel.topic == "/robot_description"
-                    description = message.data[8:-1].decode()
+                    assert channel.topic in ("/robot_description", "/furniture_description")
+                    texts[channel.topic] = message.data[8:-1].decode()
                     continue
                 if schema.id not in types:
                     assert schema.encoding == channel.message_encoding == "protobuf"
@@ -410,6 +410,7 @@ def mcap(path, recordings):
             ("/applied", "applied"), ("/command", "command"), ("/evaluation", "evaluation"),
             ("/phase", "phase"), ("/tf/objects", "object_pose"), ("/tf/links", "joint_state"),
             ("/contact", "contact"), ("/furniture_joints", "furniture_joint"),
+            ("/tf/furniture", "furniture_joint"),
             ("/camera/gen3/rgb", "camera/gen3"), ("/camera/wheelchair/depth", "camera/wheelchair"),
             ("/camera/gen3/ids", "camera/gen3"), ("/camera/wheelchair/ids", "camera/wheelchair"),
         ):
@@ -443,7 +444,8 @@ def mcap(path, recordings):
         legend = dict(zip(source["initial_state/instances/id"][...], source["initial_state/instances/name"].asstr()[...]))
         assert metadata["instance_ids"] == {str(i): name for i, name in legend.items()}
         check_contacts(path / f"{label}.mcap", types, streams)
-        tree = check_robot(transforms, streams, attached, description)
+        tree = check_robot(transforms, streams, attached, texts["/robot_description"])
+        tree += f", {check_furniture(transforms, streams, texts['/furniture_description'])} moving leaves"
         print(f"{label}: {sum(counts.values())} messages on {len(counts)} topics, {foxglove(first)} compared with Foxglove's schemas; {tree}")
 
 
@@ -524,6 +526,38 @@ def check_robot(transforms, streams, attached, description):
     off = np.linalg.norm(at - streams["camera/gen3/pose"][-1, :3])
     assert off < 2e-4, f"the wrist camera has an error of {off} m"
     return f"{len(parents)} frames, links within {1e3 * worst[0]:.3f} mm, {np.degrees(worst[1]):.5f} deg, {shapes} solids"
+
+
+def check_furniture(transforms, streams, description):
+    """Checks that the description names every recorded joint with its kind of motion, and that the
+    frames of the leaves are those of the description at the recorded positions."""
+    import xml.etree.ElementTree as xml
+
+    def turned(axis, angle):
+        return np.concatenate([np.multiply(axis, np.sin(angle / 2)), [np.cos(angle / 2)]])
+
+    position = streams["furniture_joint/position"]
+    names, units = (list(position.attrs[key]) for key in ("names", "units_by_name"))
+    joints = {j.get("name"): j for j in xml.fromstring(description).iter("joint")}
+    for k, (name, unit) in enumerate(zip(names, units)):
+        joint, slides = joints[name], unit == "m"
+        assert joint.get("type") == ("prismatic" if slides else "revolute"), f"{name} is in {unit}"
+        limit = joint.find("limit")
+        low, high = float(limit.get("lower")), float(limit.get("upper"))
+        assert low - 0.02 <= position[:, k].min() and position[:, k].max() <= high + 0.02, f"{name} leaves its limits"
+        at, (roll, pitch, yaw) = (np.array(joint.find("origin").get(a).split(), float) for a in ("xyz", "rpy"))
+        turn = multiply(multiply(turned([0, 0, 1], yaw), turned([0, 1, 0], pitch)), turned([1, 0, 0], roll))
+        axis = np.array(joint.find("axis").get("xyz").split(), float)
+        samples = transforms[joint.find("child").get("link")]
+        equal([s for s, _ in samples], streams["furniture_joint/stamp_nanos"][...], name)
+        for (_, t), value in zip(samples, position[:, k]):
+            assert t.parent_frame_id == joint.find("parent").get("link"), name
+            moved = rotate(turn, axis * value) if slides else np.zeros(3)
+            q = turn if slides else multiply(turn, turned(axis, value))
+            equal([t.translation.x, t.translation.y, t.translation.z], at + moved, name, 1e-12)
+            off = multiply(q * [-1, -1, -1, 1], np.array([t.rotation.x, t.rotation.y, t.rotation.z, t.rotation.w]))
+            assert np.abs(off[:3]).max() < 1e-12, f"{name}: {off}"
+    return len(names)
 
 
 def foxglove(first):

@@ -124,11 +124,17 @@ class Topics:
         self.put("/instruction", None, lambda m, i, t: equal(m.data, instruction, "instruction"), stamps)
         self.put("/instance_ids", None, lambda m, i, t: equal(json.loads(m.data) == ids, True, "legend"), stamps)
         self.put("/robot_description", None, self.robot_description, stamps)
+        self.put("/furniture_description", None, self.furniture_description, stamps)
         self.put("/tf_static", None, self.still, stamps)
 
     def robot_description(self, message, i, t):
         self.urdf = xml.fromstring(message.data)
         assert "<mesh" not in message.data and self.urdf.tag == "robot"
+
+    def furniture_description(self, message, i, t):
+        recorded = bytes(self.file["initial_state/furniture_urdf"][...]).decode()
+        equal(message.data == recorded, True, "furniture description")
+        self.furniture = xml.fromstring(message.data)
 
     def still(self, message, i, t):
         for transform in message.transforms:
@@ -235,7 +241,7 @@ class Topics:
         def take(count, stamps):
             def check(m, i, t):
                 assert len(m.transforms) == count, f"/tf: {len(m.transforms)}, expected {count}"
-                assert {nanos(transform.header.stamp) for transform in m.transforms} == {int(stamps[i])}
+                assert {nanos(transform.header.stamp) for transform in m.transforms} <= {int(stamps[i])}
                 for transform in m.transforms:
                     self.take(transform)
 
@@ -248,6 +254,7 @@ class Topics:
         source("joint_state", len(self.names("joint_state", "position")))
         source("pose", 1)
         source("object_pose", len(self.file.attrs["objects"]))
+        source("furniture_joint", len(self.names("furniture_joint", "position")))
         for camera in self.streams["camera"]:
             source(f"camera/{camera}", 1)
         for sensor in self.streams.get("sensor", []):
@@ -348,6 +355,26 @@ class Topics:
         assert {entry[1] for entry in entries} == {parent}, f"{child} in {[e[1] for e in entries][:3]}"
         return np.array([entry[0] for entry in entries]), np.array([entry[2] for entry in entries])
 
+    def check_links(self, urdf, stream, links):
+        """Checks the transforms of a description: recorded positions move its joints."""
+        names = self.names(stream, "position")
+        position, stamps = self.columns(stream, "position", "stamp_nanos")
+        described = {j.get("name"): j for j in urdf.iter("joint") if j.find("child") is not None}
+        assert set(names) <= set(described), set(names) - set(described)
+        units = list(self.streams[stream]["position"].attrs.get("units_by_name", ()))
+        for name, unit in zip(names, units):
+            wanted = {"m": "prismatic", "rad": "revolute"}[unit]
+            assert described[name].get("type") == wanted, f"{name} is in {unit}"
+        for name, joint in described.items():
+            child, parent = joint.find("child").get("link"), joint.find("parent").get("link")
+            moves = name in names and joint.get("type") != "fixed"
+            found_stamps, found = self.take_frame(child, parent)
+            wanted = joint_pose(joint, position[:, names.index(name)] if moves else np.zeros(1))
+            if moves:
+                equal(found_stamps, stamps.astype(found_stamps.dtype), child)
+            near(matrices(found), wanted, child, 1e-12)
+            links[child] = (parent, matrices(found))
+
     def check_transforms(self):
         """Checks every transform: recorded poses bit for bit, links with the joints of the description."""
         frames = len(self.transforms)
@@ -371,21 +398,9 @@ class Topics:
         chair = matrices(odometry[None]) @ matrices(self.streams["odometry/pose"][:1])
         near(chair, matrices(poses[:1, 0]), "house from odom", 1e-12)
 
-        names = self.names("joint_state", "position")
-        position = self.streams["joint_state/position"][...]
         links = {}
-        for joint in self.urdf.iter("joint"):
-            if joint.find("child") is None:
-                continue
-            name, child = joint.get("name"), joint.find("child").get("link")
-            parent = joint.find("parent").get("link")
-            moves = name in names and joint.get("type") != "fixed"
-            found_stamps, found = self.take_frame(child, parent)
-            wanted = joint_pose(joint, position[:, names.index(name)] if moves else np.zeros(1))
-            if moves:
-                equal(found_stamps, self.streams["joint_state/stamp_nanos"][...].astype(found_stamps.dtype), child)
-            near(matrices(found), wanted, child, 1e-12)
-            links[child] = (parent, matrices(found))
+        for urdf, stream in ((self.urdf, "joint_state"), (self.furniture, "furniture_joint")):
+            self.check_links(urdf, stream, links)
         assert not self.transforms, f"unexpected frames: {list(self.transforms)}"
         chain, link = np.eye(4)[None], self.robot["end_effector_link"]
         while link != self.base:
@@ -495,7 +510,7 @@ def check_durability(connection):
     from rosbags.interfaces import QosDurability
 
     found = [profile.durability for profile in connection.ext.offered_qos_profiles]
-    once = ("/tf_static", "/robot_description", "/instruction", "/instance_ids")
+    once = ("/tf_static", "/robot_description", "/furniture_description", "/instruction", "/instance_ids")
     wanted = [QosDurability.TRANSIENT_LOCAL] if connection.topic in once else []
     assert found == wanted, f"{connection.topic}: {found}, expected {wanted}"
 
@@ -512,7 +527,8 @@ def check_metadata(bag):
     assert (stored["version"], stored["storage_identifier"]) == (9, "mcap")
     assert stored["relative_file_paths"] == [f"{bag.name}_0.mcap"] == [f["path"] for f in stored["files"]]
     custom = stored["custom_data"]
-    assert set(custom) == {"label", "instruction", "task", "seed", "success", "complete"}
+    # Bags of a world pack have authors and licenses too.
+    assert set(custom) - {"world_packs"} == {"label", "instruction", "task", "seed", "success", "complete"}
     assert custom["label"] == bag.name and all(isinstance(value, str) for value in custom.values())
 
 

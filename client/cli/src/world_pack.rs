@@ -1,12 +1,13 @@
 //! `wheelarm pack`: checks, lists, sends and extracts world packs.
 
 use std::fmt::Write as _;
+use std::hash::{BuildHasher, Hasher, RandomState};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use clap::{Args, Subcommand};
+use clap::{Args, Subcommand, ValueEnum};
 use wheelarm_options::packs::PackArgs;
-use wheelarm_pack::{Pack, Store, UNKNOWN, to_hex};
+use wheelarm_pack::{Pack, Store, credit_lines, to_hex};
 use wheelarm_proto::{digest, installed, v1};
 use wheelarm_sdk::{Client, ClientError};
 
@@ -23,6 +24,9 @@ pub enum PackCommand {
         /// Writes the pack as a zip file; equal packs give equal files.
         #[arg(long, value_name = "FILE")]
         zip: Option<PathBuf>,
+        /// Fails unless every part permits this use, by its license.
+        #[arg(long, alias = "license", value_name = "USE")]
+        licence: Option<LicensedUse>,
     },
     /// Lists the packs of the folders, or those that a server finds.
     List(ListArgs),
@@ -40,6 +44,13 @@ pub enum PackCommand {
         #[arg(long, value_name = "DIR", default_value = ".")]
         out: PathBuf,
     },
+}
+
+/// Use that licenses have to permit.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LicensedUse {
+    /// Commercial use: parts with a non-commercial or unknown license are refused.
+    Commercial,
 }
 
 /// Arguments of `wheelarm pack list`.
@@ -76,7 +87,7 @@ pub fn run(
     open: impl FnOnce() -> Result<Client, ClientError>,
 ) -> anyhow::Result<String> {
     match command {
-        PackCommand::Check { path, zip } => check(path, zip.as_deref()),
+        PackCommand::Check { path, zip, licence } => check(path, zip.as_deref(), *licence),
         PackCommand::List(args) if args.server => list_of_server(&open()?),
         PackCommand::List(args) => list(&args.packs.packs),
         PackCommand::Put { path } => put(&open()?, path),
@@ -95,9 +106,14 @@ fn open_pack(path: &Path) -> anyhow::Result<Pack> {
     Pack::open(path).with_context(|| format!("{} cannot be used", path.display()))
 }
 
-fn check(path: &Path, zip: Option<&Path>) -> anyhow::Result<String> {
+fn check(path: &Path, zip: Option<&Path>, licence: Option<LicensedUse>) -> anyhow::Result<String> {
     let pack = open_pack(path)?;
     let mut text = describe(&pack)?;
+    match (licence, pack.check_commercial()) {
+        (_, Ok(())) => text += "every part permits commercial use\n",
+        (None, Err(problem)) => writeln!(text, "note: {problem}")?,
+        (Some(LicensedUse::Commercial), Err(problem)) => return Err(problem.into()),
+    }
     if let Some(zip) = zip {
         pack.write_zip(zip)?;
         writeln!(text, "wrote {}", zip.display())?;
@@ -134,32 +150,10 @@ fn describe(pack: &Pack) -> anyhow::Result<String> {
         count("textures", "png"),
         bytes as f64 * 1e-6
     )?;
-    let sources = &pack.manifest().source;
-    for source in sources {
-        let [author, origin] = [&source.author, &source.origin].map(|text| or_unknown(text));
-        writeln!(
-            text,
-            "source {}: {}, by {author}, from {origin}",
-            source.of, source.license
-        )?;
-    }
-    let unknown = sources.iter().filter(|s| s.license == UNKNOWN).count();
-    if unknown > 0 {
-        writeln!(
-            text,
-            "{unknown} of {} sources have no known license: ask before you publish the pack or \
-             its recordings",
-            sources.len()
-        )?;
+    for line in credit_lines(&pack.credits()) {
+        writeln!(text, "{line}")?;
     }
     Ok(text)
-}
-
-fn or_unknown(text: &str) -> &str {
-    match text {
-        "" => UNKNOWN,
-        text => text,
-    }
 }
 
 fn list(packs: &[PathBuf]) -> anyhow::Result<String> {
@@ -210,7 +204,7 @@ fn put(client: &Client, path: &Path) -> anyhow::Result<String> {
     let pack = open_pack(path)?;
     let zip = pack.to_zip()?;
     let zip_digest = to_hex(&digest::of_message([&zip[..]]));
-    let transfer = u64::from(std::process::id());
+    let transfer = RandomState::new().build_hasher().finish();
     let mut stored = None;
     for (index, piece) in zip.chunks(PIECE).enumerate() {
         let reply = client.request(&v1::PackPutRequest {
@@ -219,7 +213,8 @@ fn put(client: &Client, path: &Path) -> anyhow::Result<String> {
             zip_length: zip.len() as u64,
             offset: (index * PIECE) as u64,
             piece: piece.to_vec().into(),
-        })?;
+        });
+        let reply = reply.context("cannot send the pack; with keys it needs the role admin")?;
         stored = reply.pack;
     }
     let Some(stored) = stored else {

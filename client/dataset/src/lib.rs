@@ -21,6 +21,7 @@ pub mod columns;
 pub mod composition;
 pub mod convert;
 pub mod coverage;
+pub mod credits;
 pub mod depth;
 pub mod ending;
 pub mod finish;

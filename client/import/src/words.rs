@@ -388,7 +388,13 @@ pub fn spdx(text: &str) -> Option<&'static str> {
     let has = |word: &str| text.contains(word);
     if has("cc0") || has("public domain") {
         Some("CC0-1.0")
-    } else if (has("cc-by") || has("cc by") || has("attribution")) && !has("noncommercial") {
+    } else if has("noncommercial") || has("non-commercial") || has("by-nc") {
+        // The version is open in most texts; every version forbids commercial use.
+        Some(match has("share") || has("-sa") {
+            true => "CC-BY-NC-SA-4.0",
+            false => "CC-BY-NC-4.0",
+        })
+    } else if has("cc-by") || has("cc by") || has("attribution") {
         let four = has("4.0");
         Some(match has("share") || has("-sa") {
             true if four => "CC-BY-SA-4.0",
@@ -493,7 +499,11 @@ mod tests {
             "CC-BY Creative Commons Attribution 3.0 Unported license or GNU General Public License";
         assert_eq!(spdx(of_examples), Some("CC-BY-3.0"));
         assert_eq!(spdx("CC0 1.0"), Some("CC0-1.0"));
-        assert_eq!(spdx("CC-BY-NC NonCommercial"), None);
+        assert_eq!(spdx("CC-BY-NC NonCommercial"), Some("CC-BY-NC-4.0"));
+        assert_eq!(
+            spdx("Attribution-NonCommercial-ShareAlike"),
+            Some("CC-BY-NC-SA-4.0")
+        );
         assert_eq!(spdx("all rights reserved"), None);
     }
 }

@@ -3,7 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::fs;
+use std::io::Write;
 use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -18,6 +20,8 @@ use crate::{
 
 const MANIFEST: &str = "pack.toml";
 const HOME: &str = "home.toml";
+/// Packs that this process has begun to write.
+static WRITTEN: AtomicU64 = AtomicU64::new(0);
 
 /// Identity of a pack: equal names have equal states and images.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -290,9 +294,20 @@ impl Pack {
             source,
         };
         let zip = self.to_zip()?;
-        let beside = path.with_extension(format!("unfinished-{}", std::process::id()));
-        fs::write(&beside, zip).map_err(unwritable)?;
-        fs::rename(&beside, path).map_err(unwritable)
+        // Another process, or another thread of this one, may write the same pack.
+        let number = WRITTEN.fetch_add(1, Ordering::Relaxed);
+        let beside = path.with_extension(format!("unfinished-{}-{number}", std::process::id()));
+        let write = || -> std::io::Result<()> {
+            let mut file = fs::File::create(&beside)?;
+            file.write_all(&zip)?;
+            file.sync_all()?;
+            fs::rename(&beside, path)
+        };
+        write().map_err(|source| {
+            // A full disk stays as it was.
+            let _ = fs::remove_file(&beside);
+            unwritable(source)
+        })
     }
 }
 

@@ -3,11 +3,14 @@
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 use crate::digest::{Digest, to_hex};
 use crate::error::{PackError, Place};
 use crate::{Pack, PackName};
 
+/// File that makes a folder a pack.
+const MANIFEST: &str = "pack.toml";
 /// Separates the name of a pack from its digest in the name of a stored file.
 const AT: char = '@';
 
@@ -47,7 +50,7 @@ impl Store {
     pub fn candidates(&self) -> Vec<(String, PathBuf)> {
         let mut found = Vec::new();
         for folder in &self.folders {
-            if folder.join("pack.toml").is_file() {
+            if folder.join(MANIFEST).is_file() {
                 if let Some(name) = name_of(folder) {
                     found.push((name, folder.clone()));
                 }
@@ -58,7 +61,7 @@ impl Store {
             paths.sort();
             found.extend(paths.into_iter().filter_map(|path| {
                 let is_zip = path.extension().is_some_and(|ending| ending == "zip");
-                let is_pack = is_zip || path.join("pack.toml").is_file();
+                let is_pack = is_zip || path.join(MANIFEST).is_file();
                 Some((name_of(&path).filter(|_| is_pack)?, path))
             }));
         }
@@ -81,17 +84,21 @@ impl Store {
     /// [`PackError`] when that pack is not valid.
     pub fn open(&self, name: &str) -> Result<Option<Pack>, PackError> {
         let candidates = self.candidates().into_iter();
-        let paths: Vec<PathBuf> = candidates
+        let mut beside: Vec<PathBuf> = candidates
             .filter(|(found, _)| found == name)
             .map(|(_, path)| path)
             .collect();
-        let folder = paths.first().and_then(|path| path.parent());
-        let written = |path: &&PathBuf| fs::metadata(path).and_then(|about| about.modified()).ok();
-        let beside = paths.iter().filter(|path| path.parent() == folder);
-        let Some(path) = beside.max_by_key(written) else {
+        let folder = beside.first().and_then(|path| path.parent());
+        let folder = folder.map(Path::to_owned);
+        beside.retain(|path| path.parent() == folder.as_deref());
+        // One alone needs no time of its files.
+        let newest = match beside.len() {
+            0 | 1 => beside.pop(),
+            _ => beside.into_iter().max_by_key(|path| written(path)),
+        };
+        let Some(path) = newest else {
             return Ok(None);
         };
-        let path = path.clone();
         let pack = Pack::open(&path)?;
         if pack.id().name != name {
             return Err(Place::file("pack.toml").key("name").wrong(
@@ -126,19 +133,27 @@ impl Store {
             .filter(move |pack| pack.id().name == name)
     }
 
-    /// Writes a pack as `NAME@DIGEST.zip` into a folder. A pack with equal digests is kept.
+    /// The first folder that is not a pack itself: a further file in a pack makes it invalid.
+    #[must_use]
+    pub fn folder_to_fill(&self) -> Option<&Path> {
+        let mut folders = self.folders.iter().map(PathBuf::as_path);
+        folders.find(|folder| !folder.join(MANIFEST).exists())
+    }
+
+    /// The file of a pack in a folder, `NAME@DIGEST.zip`.
+    #[must_use]
+    pub fn stored_path(folder: &Path, pack: &Pack) -> PathBuf {
+        let id = pack.id();
+        folder.join(format!("{}{AT}{}.zip", id.name, stored_as(id)))
+    }
+
+    /// Writes a pack as `NAME@DIGEST.zip` into a folder, where it is then the newest of its
+    /// name.
     ///
     /// # Errors
     /// [`PackError`] when the file cannot be written.
     pub fn put(folder: &Path, pack: &Pack) -> Result<PathBuf, PackError> {
-        let path = folder.join(format!(
-            "{}{AT}{}.zip",
-            pack.id().name,
-            stored_as(pack.id())
-        ));
-        if Pack::open(&path).is_ok_and(|known| known.id() == pack.id()) {
-            return Ok(path);
-        }
+        let path = Self::stored_path(folder, pack);
         fs::create_dir_all(folder).map_err(|source| PackError::File {
             action: "write",
             path: folder.to_owned(),
@@ -147,6 +162,25 @@ impl Store {
         pack.write_zip(&path)?;
         Ok(path)
     }
+}
+
+/// Time of the last change of a zip file, or of any file of a folder.
+fn written(path: &Path) -> Option<SystemTime> {
+    let own = fs::metadata(path).and_then(|about| about.modified()).ok();
+    let entries = match path.is_dir() {
+        true => fs::read_dir(path).ok(),
+        false => None,
+    };
+    let inside = entries.into_iter().flatten().flatten();
+    let inside = inside.filter_map(|entry| {
+        // A link could lead anywhere, and is no part of a pack.
+        let kind = entry.file_type().ok()?;
+        match kind.is_symlink() {
+            true => None,
+            false => written(&entry.path()),
+        }
+    });
+    own.into_iter().chain(inside).max()
 }
 
 /// The user's folder of packs: `wheelarm/packs` below `XDG_DATA_HOME`, by default

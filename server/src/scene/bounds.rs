@@ -118,12 +118,17 @@ impl Body {
             let (centre, half) = geometry::bounds(&part.shape)?;
             Some((part.pose * Translation3::from(centre), half))
         });
-        let hulls = self.hulls.iter().filter_map(|hull| {
+        parts.chain(self.hull_boxes())
+    }
+
+    /// Boxes around the colliding hulls, aligned with the body: body_from_box and half
+    /// extents, metres.
+    pub(super) fn hull_boxes(&self) -> impl Iterator<Item = (Isometry3<f64>, Vector3<f64>)> + '_ {
+        self.hulls.iter().filter_map(|hull| {
             let bounds = Bounds::of_points(hull.iter().copied())?;
             let half = bounds.size() / 2.0;
             Some((Isometry3::from((bounds.min + half).coords), half))
-        });
-        parts.chain(hulls)
+        })
     }
 
     /// Bounds of the colliding parts when the body is at `pose`; `None` when none

@@ -15,6 +15,7 @@ mod packed;
 mod part;
 mod places;
 mod soft;
+mod urdf;
 
 pub use bounds::Bounds;
 pub(crate) use error::Place;

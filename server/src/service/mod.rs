@@ -42,6 +42,7 @@ mod sensor_images;
 pub mod session;
 mod shared;
 pub mod startup;
+mod uploads;
 mod waiting;
 mod wakeup;
 mod wall_clock;

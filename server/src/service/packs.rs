@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use bytes::Bytes;
-use wheelarm_pack::archive::MOST_ZIP_BYTES;
+use parking_lot::Mutex;
 use wheelarm_pack::{Pack, PackName, Store as PackStore, from_hex, to_hex};
 use wheelarm_proto::v1::FailureCode;
 use wheelarm_proto::{Message, v1};
@@ -12,8 +12,6 @@ use wheelarm_proto::{Message, v1};
 use super::denied::Denied;
 use crate::sim::{PackRequest, Scenario, ScenePack};
 
-/// Largest piece of a pack, bytes.
-pub(super) const MOST_PIECE: usize = 256 << 10;
 /// Largest number of packs in the folders of a server that receives packs.
 const MOST_STORED: usize = 256;
 /// Largest total size of the zip files in these folders, bytes.
@@ -183,69 +181,11 @@ pub(super) fn list(packs: &PackStore, header: v1::Header) -> Bytes {
     reply.encode_to_vec().into()
 }
 
-/// A pack that arrives in pieces. One at a time: another transfer replaces it.
-#[derive(Debug, Default)]
-pub(super) struct Upload {
-    transfer: u64,
-    digest: String,
-    length: usize,
-    bytes: Vec<u8>,
-}
+/// Held while a pack is stored: two at once could exceed the limits together.
+static STORING: Mutex<()> = Mutex::new(());
 
-impl Upload {
-    /// Adds a piece; returns the whole file with its last piece.
-    ///
-    /// # Errors
-    /// When the piece is not the next one, or the file is too long.
-    pub fn add(&mut self, request: v1::PackPutRequest) -> Result<Option<Vec<u8>>, Denied> {
-        let denied = |words: String| Denied::new(FailureCode::Invalid, words);
-        let length = usize::try_from(request.zip_length).unwrap_or(usize::MAX);
-        if length == 0 || length > MOST_ZIP_BYTES {
-            return Err(denied(format!(
-                "a pack of {} bytes, expected 1 to {MOST_ZIP_BYTES}; simplify its meshes",
-                request.zip_length
-            )));
-        }
-        if request.piece.is_empty() || request.piece.len() > MOST_PIECE {
-            return Err(denied(format!(
-                "a piece of {} bytes, expected 1 to {MOST_PIECE}",
-                request.piece.len()
-            )));
-        }
-        if request.offset == 0 {
-            *self = Self {
-                transfer: request.transfer,
-                digest: request.zip_digest.clone(),
-                length,
-                bytes: Vec::new(),
-            };
-        }
-        let continues = self.transfer == request.transfer
-            && self.digest == request.zip_digest
-            && self.length == length
-            && self.bytes.len() as u64 == request.offset;
-        if !continues || self.bytes.len() + request.piece.len() > length {
-            return Err(denied(format!(
-                "a piece at {} of {length} bytes, expected one at {}; another transfer may have \
-                 begun: begin again with offset 0",
-                request.offset,
-                self.bytes.len()
-            )));
-        }
-        self.bytes.extend_from_slice(&request.piece);
-        if self.bytes.len() < length {
-            return Ok(None);
-        }
-        Ok(Some(std::mem::take(self).bytes))
-    }
-
-    /// Number of bytes that have arrived.
-    pub fn received(&self) -> u64 {
-        self.bytes.len() as u64
-    }
-}
-
-/// Checks a received zip file and stores it in the first folder of packs.
+/// Checks a received zip file and stores it in the first folder of packs that is not a pack
+/// itself. An equal pack is stored again, so that it is the newest of its name.
 ///
 /// # Errors
 /// When it differs from its digest, is not a valid pack, or cannot be written.
@@ -256,12 +196,7 @@ pub(super) fn store(
     digest: &str,
 ) -> Result<v1::PackRef, Denied> {
     let denied = |words: String| Denied::new(FailureCode::Invalid, words);
-    let found = to_hex(&wheelarm_proto::digest::of_message([zip]));
-    if found != digest {
-        return Err(denied(format!(
-            "the received file has the digest {found}, expected {digest:?}; send it again"
-        )));
-    }
+    check_digest(zip, digest)?;
     let pack = Pack::from_zip(zip).map_err(|error| denied(error.to_string()))?;
     let name = &pack.id().name;
     if is_of_assets(assets, name) {
@@ -269,24 +204,28 @@ pub(super) fn store(
             "{name:?} is a scene of the assets; rename the pack"
         )));
     }
-    let Some(folder) = packs.folders().first() else {
-        return Err(denied(
-            "this server has no folder for packs; start it with --packs DIR".to_owned(),
-        ));
-    };
-    let stored = packs.candidates();
-    let sizes = stored
-        .iter()
-        .filter_map(|(_, path)| std::fs::metadata(path).ok());
-    let bytes: u64 = sizes
-        .filter(|about| about.is_file())
-        .map(|about| about.len())
-        .sum();
-    if stored.len() >= MOST_STORED || bytes + zip.len() as u64 > MOST_STORED_BYTES {
+    let Some(folder) = packs.folder_to_fill() else {
         return Err(denied(format!(
-            "{} packs of {bytes} bytes are stored, at most {MOST_STORED} of together \
+            "this server has no folder for packs ({}); start it with --packs DIR, where DIR is \
+             not a pack itself",
+            folders(packs)
+        )));
+    };
+    let _turn = STORING.lock();
+    let replaced = PackStore::stored_path(folder, &pack);
+    let (mut count, mut bytes) = (0, 0);
+    for (_, path) in packs.candidates() {
+        if path == replaced {
+            continue;
+        }
+        count += 1;
+        let about = std::fs::metadata(&path).ok();
+        bytes += about.filter(|about| about.is_file()).map_or(0, |a| a.len());
+    }
+    if count >= MOST_STORED || bytes + zip.len() as u64 > MOST_STORED_BYTES {
+        return Err(denied(format!(
+            "{count} packs of {bytes} bytes are stored, at most {MOST_STORED} of together \
              {MOST_STORED_BYTES} bytes are accepted; remove some from {}",
-            stored.len(),
             folders(packs)
         )));
     }
@@ -295,52 +234,25 @@ pub(super) fn store(
     Ok(to_proto(pack.id()))
 }
 
+/// Compares a received file with its digest: BLAKE3, or SHA-256 after `sha256:`.
+fn check_digest(zip: &[u8], digest: &str) -> Result<(), Denied> {
+    let found = match digest.strip_prefix("sha256:") {
+        Some(_) => format!("sha256:{}", to_hex(&wheelarm_proto::digest::sha256(zip))),
+        None => to_hex(&wheelarm_proto::digest::of_message([zip])),
+    };
+    if found == digest {
+        return Ok(());
+    }
+    let wanted = wheelarm_proto::check::beginning(digest);
+    Err(Denied::new(
+        FailureCode::Invalid,
+        format!("the received file has the digest {found}, expected {wanted:?}; send it again"),
+    ))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn piece(transfer: u64, offset: u64, length: u64, bytes: usize) -> v1::PackPutRequest {
-        v1::PackPutRequest {
-            transfer,
-            zip_digest: "digest".into(),
-            zip_length: length,
-            offset,
-            piece: vec![7; bytes].into(),
-        }
-    }
-
-    #[test]
-    fn pieces_in_order_make_the_file_and_others_are_rejected() {
-        let mut upload = Upload::default();
-        assert!(upload.add(piece(1, 10, 30, 10)).is_err());
-        assert_eq!(upload.add(piece(1, 0, 30, 10)), Ok(None));
-        assert_eq!(upload.received(), 10);
-        assert!(upload.add(piece(1, 20, 30, 10)).is_err());
-        assert!(upload.add(piece(2, 10, 30, 10)).is_err());
-        assert!(upload.add(piece(1, 10, 40, 10)).is_err());
-        assert!(upload.add(piece(1, 10, 30, 21)).is_err());
-        assert_eq!(upload.add(piece(1, 10, 30, 20)), Ok(Some(vec![7; 30])));
-        assert_eq!(upload.received(), 0);
-        // A new transfer replaces the former one.
-        assert_eq!(upload.add(piece(3, 0, 30, 10)), Ok(None));
-        assert_eq!(upload.add(piece(4, 0, 10, 10)), Ok(Some(vec![7; 10])));
-    }
-
-    #[test]
-    fn files_and_pieces_beyond_the_limits_are_rejected() {
-        let mut upload = Upload::default();
-        let most = MOST_ZIP_BYTES as u64;
-        for request in [
-            piece(1, 0, most + 1, 10),
-            piece(1, 0, 0, 10),
-            piece(1, 0, u64::MAX, 10),
-            piece(1, 0, most, MOST_PIECE + 1),
-            piece(1, 0, most, 0),
-        ] {
-            assert!(upload.add(request).is_err());
-        }
-        assert!(upload.add(piece(1, 0, most, MOST_PIECE)).is_ok());
-    }
 
     #[test]
     fn digests_of_a_request_are_checked() {
@@ -357,5 +269,94 @@ mod tests {
         assert_eq!(refs(&exact), [pack.clone()]);
         pack.rendering_digest = "xy".into();
         assert!(from_proto("flat", &[pack]).is_err());
+    }
+
+    /// The flat of the tests under another version, as a zip file with its digest.
+    fn flat(version: &str) -> (Vec<u8>, String) {
+        let flat = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/data/flat");
+        let mut files = Pack::open(Path::new(flat)).unwrap().files().clone();
+        let manifest = String::from_utf8(files["pack.toml"].clone()).unwrap();
+        let manifest = manifest.replace("version = \"1\"", &format!("version = \"{version}\""));
+        let home = String::from_utf8(files["home.toml"].clone()).unwrap();
+        let height = format!("height = 2.5{}", version.len());
+        files.insert("pack.toml".into(), manifest.into_bytes());
+        files.insert(
+            "home.toml".into(),
+            home.replace("height = 2.5", &height).into_bytes(),
+        );
+        let zip = Pack::from_files(files).unwrap().to_zip().unwrap();
+        let digest = to_hex(&wheelarm_proto::digest::of_message([&zip[..]]));
+        (zip, digest)
+    }
+
+    fn assets() -> std::path::PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets")
+    }
+
+    #[test]
+    fn one_pack_stored_by_many_at_once_is_whole_and_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let packs = PackStore::new(vec![folder.path().to_owned()]);
+        let (zip, digest) = flat("1");
+        std::thread::scope(|scope| {
+            for _ in 0..6 {
+                scope.spawn(|| store(&assets(), &packs, &zip, &digest).unwrap());
+            }
+        });
+        let entries: Vec<_> = std::fs::read_dir(folder.path()).unwrap().collect();
+        assert_eq!(entries.len(), 1, "{entries:?}");
+        assert_eq!(packs.open("flat").unwrap().unwrap().id().version, "1");
+    }
+
+    #[test]
+    fn the_pack_stored_last_is_used_also_when_it_was_stored_before() {
+        let folder = tempfile::tempdir().unwrap();
+        let packs = PackStore::new(vec![folder.path().to_owned()]);
+        for version in ["1", "22", "333", "1", "22"] {
+            let (zip, digest) = flat(version);
+            // Modification times of some file systems have steps of 10 ms.
+            std::thread::sleep(std::time::Duration::from_millis(20));
+            store(&assets(), &packs, &zip, &digest).unwrap();
+            assert_eq!(packs.open("flat").unwrap().unwrap().id().version, version);
+        }
+        assert_eq!(packs.candidates().len(), 3);
+    }
+
+    #[test]
+    fn full_store_accepts_what_it_has_and_rejects_the_rest_with_the_fix() {
+        let folder = tempfile::tempdir().unwrap();
+        let packs = PackStore::new(vec![folder.path().to_owned()]);
+        let (zip, digest) = flat("1");
+        store(&assets(), &packs, &zip, &digest).unwrap();
+        for number in 1..MOST_STORED {
+            std::fs::write(folder.path().join(format!("other{number}.zip")), "x").unwrap();
+        }
+        store(&assets(), &packs, &zip, &digest).unwrap();
+        let (other, of_other) = flat("22");
+        let problem = store(&assets(), &packs, &other, &of_other).unwrap_err();
+        assert!(problem.words.contains("remove some from"), "{problem:?}");
+        assert_eq!(packs.candidates().len(), MOST_STORED);
+    }
+
+    #[test]
+    fn folder_that_is_a_pack_itself_receives_no_pack() {
+        let folder = tempfile::tempdir().unwrap();
+        let (zip, digest) = flat("1");
+        let own = folder.path().join("flat");
+        Pack::from_zip(&zip).unwrap().write_folder(&own).unwrap();
+        let (other, of_other) = flat("22");
+        let packs = PackStore::new(vec![own.clone()]);
+        let problem = store(&assets(), &packs, &other, &of_other).unwrap_err();
+        assert!(problem.words.contains("--packs DIR"), "{problem:?}");
+        assert!(Pack::open(&own).is_ok());
+        let more = folder.path().join("more");
+        let packs = PackStore::new(vec![own, more.clone()]);
+        store(&assets(), &packs, &other, &of_other).unwrap();
+        assert_eq!(std::fs::read_dir(more).unwrap().count(), 1);
+        assert!(store(&assets(), &packs, &zip, &of_other).is_err());
+        let sha = format!("sha256:{}", to_hex(&wheelarm_proto::digest::sha256(&zip)));
+        store(&assets(), &packs, &zip, &sha).unwrap();
+        assert!(store(&assets(), &packs, &zip, "sha256:").is_err());
+        let _ = digest;
     }
 }

@@ -51,7 +51,7 @@ fn most_bytes(kind: Query) -> usize {
     match kind {
         Query::Reset => 4 << 20,
         Query::Playback => 1 << 20,
-        Query::PackPut => super::packs::MOST_PIECE + (4 << 10),
+        Query::PackPut => super::uploads::MOST_PIECE + (4 << 10),
         Query::EpisodeStart => 128 << 10,
         Query::Reach => 32 << 10,
         Query::Status

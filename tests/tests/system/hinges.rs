@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use wheelarm_dataset::read::Episode;
+use wheelarm_proto::program::skipped;
 use wheelarm_tests::{printed, program, root};
 
 /// Folders of the assets to which `tests/data/kitchenette` adds files.
@@ -62,6 +63,24 @@ fn demonstrated(assets: &Path, task: &str, out: &Path) -> (PathBuf, Vec<f64>) {
     (file, positions.expect("positions").into_iter().collect())
 }
 
+/// An independent reader finds the door's joint and frames in the bag.
+fn read_by_rosbags(bags: &str, recording: &str) {
+    let python = std::env::var("WHEELARM_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let modules = ["-c", "import h5py, numpy, rosbags.rosbag2"];
+    let imported = Command::new(&python).args(modules).output();
+    if !imported.is_ok_and(|output| output.status.success()) {
+        return skipped(&format!(
+            "{python} cannot import rosbags; `make test` installs it"
+        ));
+    }
+    let reader = Command::new(python)
+        .arg(root().join("tests/python/check_rosbag2.py"))
+        .args(["rosbags", bags, recording])
+        .output()
+        .expect("a process");
+    assert!(reader.status.success(), "{}", printed(&reader));
+}
+
 #[test]
 fn the_expert_opens_and_closes_a_door_that_turns() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -81,6 +100,10 @@ fn the_expert_opens_and_closes_a_door_that_turns() {
     let replay = printed(&wheelarm(&assets, &["replay", &path]));
     assert!(replay.contains("hashes equal"), "{replay}");
     wheelarm(&assets, &["dataset", "validate", &path]);
+    let bags = folder.path().join("bags").to_string_lossy().into_owned();
+    let export = ["dataset", "export", "--format", "rosbag2", &path];
+    wheelarm(&assets, &[&export[..], &["--out", &bags]].concat());
+    read_by_rosbags(&bags, &path);
 
     let (_, closed) = demonstrated(&assets, "close_cabinet", &folder.path().join("close"));
     let [before, after] = ends(&closed);

@@ -123,6 +123,8 @@ fn recording_in_a_pack_replays_without_its_folder_with_equal_hashes_and_images()
     }
     succeeds(&none, &["dataset", "validate", &path]);
 
+    exports_name_authors_and_licenses(&place.path().join("exports"), &none, &path);
+
     // Labels know furniture and objects of the pack from the texts of the recording.
     let labels = text(&place.path().join("labels"));
     succeeds(&none, &["dataset", "annotate", &path, "--out", &labels]);
@@ -134,6 +136,64 @@ fn recording_in_a_pack_replays_without_its_folder_with_equal_hashes_and_images()
     assert_eq!(extracted.id(), pack.id());
     let over = wheelarm(&none, &["pack", "extract", &path, "--out", &out_text]);
     assert!(!over.status.success(), "a file is not written over");
+}
+
+/// Exports carry author and license of the pack, and its doors as joints.
+fn exports_name_authors_and_licenses(out: &Path, packs: &Path, recording: &str) {
+    let export = |format: &str, more: &[&str]| {
+        let folder = out.join(format);
+        let text = folder.to_string_lossy().into_owned();
+        let args = ["dataset", "export", "--format", format, recording, "--out"];
+        succeeds(packs, &[&args[..], &[&text], more].concat());
+        folder
+    };
+    let bag = recording_entry(&export("rosbag2", &[])).join("metadata.yaml");
+    let bag = fs::read_to_string(bag).expect("metadata");
+    let log = fs::read(recording_entry(&export("mcap", &[]))).expect("a log");
+    let log = String::from_utf8_lossy(&log).into_owned();
+    let set = export("lerobot", &["--pictures", "png"]);
+    let card = fs::read_to_string(set.join("README.md")).expect("a card");
+    let json = fs::read_to_string(set.join("meta/world_packs.json")).expect("credits");
+    for (what, text) in [("bag", bag), ("log", log), ("card", card), ("json", json)] {
+        for words in ["flat", "CC0-1.0", "WheelArm", "jar"] {
+            assert!(text.contains(words), "the {what} lacks {words:?}");
+        }
+    }
+}
+
+/// The only entry of a folder.
+fn recording_entry(folder: &Path) -> PathBuf {
+    let mut entries = fs::read_dir(folder).expect("a folder").flatten();
+    entries.next().expect("an entry").path()
+}
+
+#[test]
+fn check_for_commercial_use_names_the_parts_that_do_not_permit_it() {
+    let place = tempfile::tempdir().expect("a folder");
+    let [free, bound] = ["free", "bound"].map(|name| place.path().join(name));
+    flat().write_folder(&free).expect("a pack");
+    let mut changed = files();
+    let jar = String::from_utf8_lossy(&changed["objects/jar.toml"]).into_owned();
+    let jar = jar.replace("\"CC0-1.0\"", "\"CC-BY-NC-4.0\"");
+    changed.insert("objects/jar.toml".into(), jar.into_bytes());
+    let pack = Pack::from_files(changed).expect("a pack");
+    pack.write_folder(&bound).expect("a pack");
+    let check = |folder: &Path, more: &[&str]| {
+        let path = folder.to_string_lossy().into_owned();
+        let output = wheelarm(
+            place.path(),
+            &[&["pack", "check", &path][..], more].concat(),
+        );
+        (output.status.success(), printed(&output))
+    };
+    let commercial = ["--licence", "commercial"];
+    let (passes, text) = check(&free, &commercial);
+    assert!(passes && text.contains("permits commercial use"), "{text}");
+    let (passes, text) = check(&bound, &[]);
+    assert!(passes && text.contains("note: pack \"flat\""), "{text}");
+    let (passes, text) = check(&bound, &commercial);
+    assert!(!passes && text.contains("jar (CC-BY-NC-4.0)"), "{text}");
+    assert!(text.contains("remove or replace"), "{text}");
 }
 
 #[test]

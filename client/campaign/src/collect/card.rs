@@ -1,9 +1,12 @@
 //! A dataset's card, `README.md` in the form of the Hugging Face dataset card: content,
-//! coverage of its axes, and how it was made. Written from the journals alone.
+//! coverage of its axes, authors and licenses of world packs, and how it was made. Written
+//! from the journals; the packs are in the recordings.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
+use wheelarm_dataset::credits::{PackCredits, card_section};
+use wheelarm_dataset::read::Episode as Recording;
 use wheelarm_proto::seeds::Purpose;
 use wheelarm_proto::settings::Named;
 use wheelarm_proto::{CONTRACT_VERSION, PHYSICS_VERSION, v1};
@@ -34,12 +37,33 @@ struct SampledEpisode<'a> {
 /// # Errors
 /// When the file cannot be written.
 pub fn write(folder: &Folder, plan: &Plan, manifest: &Manifest) -> anyhow::Result<()> {
-    let text = card(plan, manifest);
+    let text = card(plan, manifest, &credits(folder, manifest));
     write_whole(&folder.root().join("README.md"), text.as_bytes())
 }
 
+/// Authors and licenses of the world packs, from the first recording of each. A recording
+/// that cannot be read was reported when its episode was checked.
+fn credits(folder: &Folder, manifest: &Manifest) -> Vec<PackCredits> {
+    let mut seen = BTreeSet::new();
+    let mut found: Vec<PackCredits> = Vec::new();
+    for done in &manifest.episodes {
+        let packs = done.scenario.get("packs").map(ToString::to_string);
+        if !packs.is_some_and(|packs| packs != "[]" && seen.insert(packs)) {
+            continue;
+        }
+        let recording = Recording::open(&folder.root().join(&done.file)).ok();
+        let all = recording.and_then(|recording| PackCredits::of_episode(&recording).ok());
+        for one in all.into_iter().flatten() {
+            if !found.contains(&one) {
+                found.push(one);
+            }
+        }
+    }
+    found
+}
+
 /// The card of a dataset.
-fn card(plan: &Plan, manifest: &Manifest) -> String {
+fn card(plan: &Plan, manifest: &Manifest, packs: &[PackCredits]) -> String {
     let episodes: Vec<SampledEpisode<'_>> = manifest
         .episodes
         .iter()
@@ -51,6 +75,7 @@ fn card(plan: &Plan, manifest: &Manifest) -> String {
     let mut text = head(plan, manifest);
     text += &composition(manifest);
     text += &coverage(&episodes);
+    text += &card_section(packs);
     text += &making(plan, manifest);
     text
 }

@@ -22,6 +22,7 @@ mod names;
 mod plan;
 mod progress;
 mod resume;
+mod rights;
 mod slot;
 mod stop;
 
@@ -167,6 +168,10 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
     let unknown = unknown(path, &plan, args.assets.as_deref(), packs)?;
     if let Some(problem) = unknown {
         bail!("{problem}");
+    }
+    let assets = args.assets.clone().or_else(installed::assets);
+    if let Some(words) = rights::check(path, &plan, &assets.unwrap_or_default(), packs)? {
+        eprintln!("warning: {words}; with licence = \"commercial\" in the plan it is refused");
     }
     let needed = (worker_bytes(&plan) + kept) * workers as f64;
     let free = host.memory.filter(|free| (*free as f64) < needed);

@@ -432,8 +432,29 @@ pub fn snapshot() -> v1::SnapshotReply {
             },
         ],
         packs: Vec::new(),
+        furniture_urdf: FURNITURE.into(),
     }
 }
+
+/// A cupboard with a drawer and a door.
+const FURNITURE: &str = r#"<robot name="home">
+  <link name="house"/>
+  <link name="cupboard"/>
+  <joint name="cupboard_fixed" type="fixed">
+    <origin xyz="1 2 0" rpy="0 0 1"/><parent link="house"/><child link="cupboard"/>
+  </joint>
+  <link name="drawer_1"/>
+  <joint name="drawer_1_joint" type="prismatic">
+    <origin xyz="0.1 0 0.5"/><parent link="cupboard"/><child link="drawer_1"/>
+    <axis xyz="1 0 0"/><limit lower="0" upper="0.4" effort="0" velocity="100"/>
+  </joint>
+  <link name="drawer_2"/>
+  <joint name="drawer_2_joint" type="revolute">
+    <origin xyz="0.1 0.2 1"/><parent link="cupboard"/><child link="drawer_2"/>
+    <axis xyz="0 0 1"/><limit lower="0" upper="1.7" effort="0" velocity="100"/>
+  </joint>
+</robot>
+"#;
 
 /// Header of episode 3.
 pub fn header(sequence: u64, tick: u64) -> v1::Header {

@@ -256,6 +256,7 @@ pub(super) fn initial_state(file: &File, preamble: &Preamble) -> hdf5::Result<()
     let state = preamble.snapshot.as_ref().unwrap_or(&default);
     let header = state.header.clone().unwrap_or_default();
     hdf::bytes(&group, "snapshot", &state.snapshot)?;
+    hdf::bytes(&group, "furniture_urdf", state.furniture_urdf.as_bytes())?;
     Attributes::for_object(&group)
         .text("run_id", &header.run_id)?
         .set("episode", header.episode)?

@@ -220,7 +220,18 @@ impl Episode {
                 })
                 .collect(),
             packs: self.packs()?,
+            furniture_urdf: self.furniture_urdf()?,
         })
+    }
+
+    /// The furniture as URDF; empty in earlier recordings.
+    fn furniture_urdf(&self) -> Result<String, ReadError> {
+        let path = "initial_state/furniture_urdf";
+        if !self.file.link_exists(path) {
+            return Ok(String::new());
+        }
+        let text = self.raw::<u8>(path)?;
+        Ok(String::from_utf8_lossy(&text).into_owned())
     }
 
     /// Commands to the robot by control tick: exactly the messages that the

@@ -142,7 +142,9 @@ fn ceiling(path: &str) -> Option<(Size, u64)> {
     let is_image = |name| matches!(name, "rgb" | "depth" | "ids");
     let parts: Vec<&str> = path.split('/').collect();
     match parts.as_slice() {
-        ["initial_state", "snapshot"] => Some((Size::Whole, MAX_SNAPSHOT as u64)),
+        ["initial_state", "snapshot" | "furniture_urdf"] => {
+            Some((Size::Whole, MAX_SNAPSHOT as u64))
+        }
         ["packs", _] => Some((Size::Whole, MAX_PACK)),
         ["robot", "message"] | ["scenario", _] => Some((Size::Whole, MAX_MESSAGE as u64)),
         ["streams", "camera" | "sensor", _, name] if is_image(name) => {

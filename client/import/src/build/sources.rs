@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use wheelarm_pack::{FORMAT, Manifest, SourceEntry, UNKNOWN};
+use wheelarm_pack::{CommercialUse, FORMAT, Manifest, SourceEntry, UNKNOWN};
 
 use crate::build::{Options, Summary};
 use crate::sh3d::Home;
@@ -12,6 +12,11 @@ use crate::words;
 pub(super) fn license(home: &Home, options: &Options, summary: &mut Summary) -> String {
     let stated = home.license.as_deref();
     if let Some(given) = &options.licence {
+        if CommercialUse::of(given) == CommercialUse::Unknown {
+            summary.notes.push(format!(
+                "licence {given:?} is not a known SPDX identifier; write for example --licence CC-BY-4.0, or plans with licence = \"commercial\" refuse the pack"
+            ));
+        }
         return given.clone();
     }
     match stated.and_then(words::spdx) {
@@ -62,11 +67,12 @@ pub(super) fn manifest(
             origin: "model in the home".into(),
         });
     }
+    // Without a license of the home, its own note says the same of all pieces.
     let stated = license != UNKNOWN;
     if stated && !unknown.is_empty() {
         let some: Vec<&str> = unknown.iter().copied().take(5).collect();
         summary.notes.push(format!(
-            "licence of {} is not stated; give --licence or the pack is refused by plans with licence = \"commercial\"",
+            "licence of {} is not known; plans with licence = \"commercial\" refuse the pack: leave the pieces out (--without), or correct `license` of these sources in pack.toml",
             some.join(", ")
         ));
     }

@@ -1,12 +1,14 @@
 //! A home of a world pack for the report: the furniture that the server collides with.
 
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
-use wheelarm_pack::{FurnitureEntry, HomeFile, Pack, PackError, PartEntry};
+use nalgebra::{
+    Isometry3, Matrix3, Point3, Rotation3, Translation3, Unit, UnitQuaternion, Vector3,
+};
+use wheelarm_pack::{FurnitureEntry, GraspEntry, HomeFile, Pack, PackError, PartEntry};
 use wheelarm_planning::footprint_check::{Pose2, wrap};
 use wheelarm_planning::obb::Obb;
 use wheelarm_proto::exact;
 
-use super::home::{Home, Opening, OpeningKind, Owner, Piece, Room, Solid, Surface};
+use super::home::{Home, Leaf, Opening, OpeningKind, Owner, Piece, Room, Solid, Surface};
 
 /// Why a pack has no report.
 #[derive(Debug, thiserror::Error)]
@@ -48,10 +50,11 @@ impl Home {
             let pose = pose(entry.at, [0.0, 0.0, entry.yaw_deg]);
             let parts = entry.collision.as_ref().unwrap_or(&entry.parts);
             let collides = parts.iter().filter(|part| part.collide != Some(false));
-            for obb in collides.flat_map(boxes) {
-                home.solids.push(Solid::from_box(owner, &obb.at(&pose)));
-            }
+            let placed: Vec<Obb> = collides.flat_map(boxes).map(|obb| obb.at(&pose)).collect();
+            let solids = placed.iter().map(|obb| Solid::from_box(owner, obb));
+            home.solids.extend(solids);
             if let Owner::Piece(piece) = owner {
+                home.leaves.extend(leaf(piece, entry, pose, placed));
                 let surfaces = entry.surfaces.iter();
                 home.surfaces
                     .extend(surfaces.map(|surface| self::surface(piece, entry, surface)));
@@ -93,6 +96,33 @@ fn openings(file: &HomeFile) -> Vec<Opening> {
         })
     };
     file.opening.iter().filter_map(opening).collect()
+}
+
+/// The leaf of an entry; `None` for what does not turn.
+fn leaf(
+    piece: usize,
+    entry: &FurnitureEntry,
+    rest: Isometry3<f64>,
+    boxes: Vec<Obb>,
+) -> Option<Leaf> {
+    let hinge = entry.hinge.as_ref()?;
+    let grasps = entry.grasps.iter();
+    Some(Leaf {
+        piece,
+        rest,
+        axis: Unit::try_new(rest.rotation * Vector3::from(hinge.axis), 1e-3)?,
+        travel: hinge.travel_deg.to_radians(),
+        grasps: grasps.map(|grasp| rest * hand(grasp)).collect(),
+        boxes,
+    })
+}
+
+/// Pose of the hand at a grasp, in the body: z approaches, x closes.
+fn hand(grasp: &GraspEntry) -> Isometry3<f64> {
+    let (z, x) = (Vector3::from(grasp.approach), Vector3::from(grasp.closing));
+    let axes = Matrix3::from_columns(&[x, z.cross(&x), z]);
+    let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
+    Isometry3::from_parts(Translation3::from(grasp.point), turn)
 }
 
 fn surface(piece: usize, entry: &FurnitureEntry, surface: &wheelarm_pack::SurfaceEntry) -> Surface {

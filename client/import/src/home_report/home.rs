@@ -1,6 +1,6 @@
 //! The home that a report is about: rooms, openings, solids and surfaces in `house`, metres.
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 use wheelarm_planning::footprint_check::{Pose2, Rectangle};
 use wheelarm_planning::obb::Obb;
 use wheelarm_proto::exact;
@@ -45,6 +45,8 @@ pub struct Home {
     pub solids: Vec<Solid>,
     /// Surfaces that carry objects.
     pub surfaces: Vec<Surface>,
+    /// Furniture that turns on a hinge.
+    pub leaves: Vec<Leaf>,
     /// Start of the robot.
     pub start: Option<Pose2>,
 }
@@ -132,6 +134,23 @@ pub struct Surface {
     pub yaw: f64,
     /// Length of the first side, and of the other one.
     pub size: [f64; 2],
+}
+
+/// Furniture that turns on a hinge: a door of a cabinet, the lid of a piano.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Leaf {
+    /// Index of its piece.
+    pub piece: usize,
+    /// Pose in `house` when it is closed.
+    pub rest: Isometry3<f64>,
+    /// Axis of positive angles in `house`, through the origin of `rest`.
+    pub axis: Unit<Vector3<f64>>,
+    /// Largest angle, radians.
+    pub travel: f64,
+    /// Hand at the grasps of its handle in `house` when it is closed: z approaches.
+    pub grasps: Vec<Isometry3<f64>>,
+    /// Boxes around it in `house` when it is closed.
+    pub boxes: Vec<Obb>,
 }
 
 impl Room {
@@ -272,6 +291,7 @@ impl Home {
         home.solids.retain(|solid| !is_removed(solid.owner));
         home.surfaces
             .retain(|surface| !removed.contains(&surface.piece));
+        home.leaves.retain(|leaf| !removed.contains(&leaf.piece));
         home
     }
 }

@@ -8,6 +8,7 @@ pub mod doors;
 pub mod floor;
 mod from_pack;
 pub mod home;
+pub mod leaves;
 pub mod moving;
 mod page;
 mod plan;
@@ -25,6 +26,7 @@ use wheelarm_planning::floor_map::STOP_CLEARANCE;
 pub use doors::DoorReport;
 pub use from_pack::NoHome;
 pub use home::Home;
+pub use leaves::LeafReport;
 pub use moving::MoveReport;
 pub use page::page;
 pub use plan::{PlanError, plan};
@@ -67,6 +69,10 @@ pub struct Summary {
     pub surfaces: usize,
     /// Of them, reached.
     pub surfaces_reached: usize,
+    /// Furniture on hinges.
+    pub leaves: usize,
+    /// Of it, opened.
+    pub leaves_opened: usize,
     /// Squares of 1.5 m in which a wheelchair turns.
     pub turning_squares: usize,
 }
@@ -91,6 +97,8 @@ pub struct HomeReport {
     pub doors: Vec<DoorReport>,
     /// Surfaces.
     pub surfaces: Vec<SurfaceReport>,
+    /// Doors of furniture, and other leaves on hinges.
+    pub leaves: Vec<LeafReport>,
     /// Pieces whose removal gains most.
     pub to_move: Vec<MoveReport>,
 }
@@ -116,6 +124,11 @@ impl Finding {
             .iter()
             .map(|surface| surfaces::test(home, &floor, robot, surface))
             .collect();
+        let leaves: Vec<LeafReport> = home
+            .leaves
+            .iter()
+            .map(|leaf| leaves::test(home, &floor, robot, leaf))
+            .collect();
         let indoors = rooms.iter().filter(|room| !room.outdoors);
         let summary = Summary {
             rooms: indoors.clone().count(),
@@ -124,6 +137,8 @@ impl Finding {
             doors_passed: doors.iter().filter(|door| door.passed).count(),
             surfaces: surfaces.len(),
             surfaces_reached: surfaces.iter().filter(|s| s.strip.is_some()).count(),
+            leaves: leaves.len(),
+            leaves_opened: leaves.iter().filter(|leaf| leaf.stop.is_some()).count(),
             turning_squares: rooms.iter().map(|room| room.turning_squares.len()).sum(),
         };
         let mut report = HomeReport {
@@ -142,6 +157,7 @@ impl Finding {
             rooms,
             doors,
             surfaces,
+            leaves,
             to_move: Vec::new(),
         };
         report.to_move = moving::test(home, robot, &report);

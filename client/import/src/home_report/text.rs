@@ -49,6 +49,16 @@ pub fn text(report: &HomeReport) -> Result<String, fmt::Error> {
         let name = format!("{}/{}", surface.piece, surface.surface);
         writeln!(out, "  {name:36} {}", surface_words(surface))?;
     }
+    if !report.leaves.is_empty() {
+        writeln!(
+            out,
+            "\nfurniture doors, opened by 45°: {} of {}",
+            sum.leaves_opened, sum.leaves
+        )?;
+    }
+    for leaf in &report.leaves {
+        writeln!(out, "  {:36} {}", leaf.piece, leaf.words())?;
+    }
     if !report.to_move.is_empty() {
         writeln!(out, "\nto move")?;
     }

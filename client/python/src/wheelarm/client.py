@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -11,6 +12,7 @@ from ._session import DEFAULT_ENDPOINT, refuse_fork
 from ._wire import check_name, check_topic
 from .commander import Commander
 from .lockstep import LockStep
+from .packs import put_requests, zip_bytes
 from .streams import Camera, Streams
 
 
@@ -84,6 +86,23 @@ class Client(Connection):
             scenario=requested, snapshot=snapshot, force=force, secret=self._secret
         )
         return self.request(request).scenario
+
+    def put_pack(self, path: str | os.PathLike[str]) -> v1.PackRef:
+        """Sends a world pack, a folder or zip file, which the server stores; then its home is
+        a scene: ``client.reset(scene=client.put_pack("anna-flat").name)``. Needs the role
+        admin.
+
+        Returns:
+            Name, version and digests of the stored pack.
+
+        Raises:
+            ValueError: when `path` is not a pack, or is too large.
+            RefusedError: when the server rejects the pack; the message has the fix.
+        """
+        reply = v1.PackPutReply()
+        for request in put_requests(zip_bytes(path)):
+            reply = self.request(request)
+        return reply.pack
 
     def pause(self) -> None:
         """Pauses time."""

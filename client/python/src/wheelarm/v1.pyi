@@ -1405,11 +1405,13 @@ class PackPutRequest(_Message):
     arrived. Query `pack_put`.
     """
     transfer: int
-    """Sender's number of the transfer: pieces of another transfer of the same client replace it
-    (no unit).
+    """Random number of the transfer. A server holds several transfers; a new one replaces the one
+    that has waited longest (no unit).
     """
     zip_digest: str
-    """BLAKE3 hash of the whole zip file: 64 hexadecimal digits (no unit)."""
+    """BLAKE3 hash of the whole zip file, 64 hexadecimal digits; or `sha256:` and its SHA-256 hash
+    (no unit).
+    """
     zip_length: int
     """Length of the whole zip file, at most 64 MiB (bytes)."""
     offset: int
@@ -2771,6 +2773,10 @@ class SceneReply(_Message):
     """Goal of the task; absent without a task."""
     cameras: _Messages[RobotCamera]
     """Cameras of the scene; their link is `house`."""
+    furniture_urdf: str
+    """Furniture as URDF: links of the bodies below `house`, joints of the names of `joints`;
+    shapes are the colliding ones (no unit).
+    """
     robot: RobotDescription
     """The robot in it."""
     persons: _Messages[SeatedPerson]
@@ -2787,6 +2793,7 @@ class SceneReply(_Message):
         joints: _Iterable[FurnitureJoint | _Mapping[str, _Any]] | None = ...,
         goal: TaskGoal | _Mapping[str, _Any] | None = ...,
         cameras: _Iterable[RobotCamera | _Mapping[str, _Any]] | None = ...,
+        furniture_urdf: str | None = ...,
         robot: RobotDescription | _Mapping[str, _Any] | None = ...,
         persons: _Iterable[SeatedPerson | _Mapping[str, _Any]] | None = ...,
     ) -> None: ...
@@ -3032,6 +3039,8 @@ class SnapshotReply(_Message):
     """Legend of the instance ids."""
     packs: _Messages[PackFile]
     """World packs in use; empty for a scene of the assets."""
+    furniture_urdf: str
+    """Furniture as URDF, as in the query `scene` (no unit)."""
     def __init__(
         self,
         *,
@@ -3040,6 +3049,7 @@ class SnapshotReply(_Message):
         assets: _Iterable[AssetText | _Mapping[str, _Any]] | None = ...,
         instances: _Iterable[Instance | _Mapping[str, _Any]] | None = ...,
         packs: _Iterable[PackFile | _Mapping[str, _Any]] | None = ...,
+        furniture_urdf: str | None = ...,
     ) -> None: ...
 
 class AssetText(_Message):

@@ -252,6 +252,38 @@ def test_robot_description_reaches_late_subscribers(server, bridge, peer, probe)
     assert 'filename="file:///somewhere/meshes/chair_body.obj"' in text
 
 
+def test_furniture_is_described_and_its_joints_and_frames_follow_the_samples(
+    server, bridge, peer, probe
+):
+    endpoint = server("--no-cameras")
+    bridge(endpoint)
+    client_probe = probe(endpoint)
+    sent = client_probe.subscribe("furniture_joint")["furniture_joint"]
+    described = peer.subscribe("furniture_description", String, LATCHED)
+    states = peer.subscribe("furniture/joint_states", JointState)
+    moving = peer.subscribe("tf", TFMessage, TRANSFORMS)
+    static = peer.subscribe("tf_static", TFMessage, LATCHED)
+    text = until(lambda: described)[0].data
+    scene = client_probe.client.scene()
+    assert text == scene.furniture_urdf
+    joints = {joint.name: joint for joint in tree.joints(text)}
+    names = [joint.name for joint in scene.joints]
+    assert names and all(joints[name].kind == "prismatic" for name in names)
+    for sample, message in pairs(sent, states):
+        assert list(message.name) == names
+        assert message.position == array.array("d", sample.positions)
+    until(lambda: static and by_stamp(m.transforms[0] for m in list(moving)).keys() & sent.keys())
+    fixed = {t.child_frame_id: (t.header.frame_id, from_message(t)) for t in static[-1].transforms}
+    last = [m for m in list(moving) if stamp(m.transforms[0]) in sent][-1]
+    frames = {t.child_frame_id: (t.header.frame_id, from_message(t)) for t in last.transforms}
+    positions = sent[stamp(last.transforms[0])].positions
+    for joint, position in zip(scene.joints, positions, strict=True):
+        at, turn = tree.from_pose(joint.rest)
+        axis = (joint.axis.x, joint.axis.y, joint.axis.z)
+        at = tuple(a + position * part for a, part in zip(at, axis, strict=True))
+        assert difference(chain({**fixed, **frames}, joint.body), (at, turn)) < 1e-9
+
+
 def test_camera_is_received_only_with_a_subscriber(server, peer):
     node = WheelArmNode(Options(endpoint=server("--camera", "*=64x36@10")))
     peer.executor.add_node(node)

@@ -29,10 +29,10 @@ use super::command_gate::{Listening, SetPoints};
 use super::episode::{Episode, PendingStopReply, Stage};
 use super::error::ServiceError;
 use super::pace::Pace;
-use super::packs::Upload;
 use super::pending_operation::PendingOperation;
 use super::render::RenderThread;
 use super::shared::Shared;
+use super::uploads::Uploads;
 use super::waiting::Waiting;
 use super::{assets, publish};
 use crate::robot::control::GripperMap;
@@ -94,7 +94,7 @@ pub struct Engine {
     /// Replies that stay the same, encoded once.
     pub(in crate::service) made: Made,
     /// A world pack that a client sends.
-    pub(in crate::service) upload: Upload,
+    pub(in crate::service) uploads: Uploads,
     /// The recorded state that is played back.
     pub(super) shown: Option<v1::PlaybackRequest>,
     /// Sensor models of the robot's signals.
@@ -143,7 +143,7 @@ impl Engine {
             anomalies: Vec::new(),
             reported_collisions: Vec::new(),
             made: Made::default(),
-            upload: Upload::default(),
+            uploads: Uploads::default(),
             shown: None,
         };
         engine.start_cameras()?;

@@ -421,6 +421,7 @@ impl Engine {
                 convert::goal(&task.goal, target, scene, lap.as_ref())
             }),
             cameras: vec![describe::room_camera(room)],
+            furniture_urdf: scene.furniture_urdf(),
             robot: Some(describe::robot(model, &self.arm_mount())),
             persons: self
                 .sim
@@ -525,6 +526,7 @@ impl Engine {
             assets: self.asset_texts.clone(),
             instances: self.instances(),
             packs: packs::files(&self.sim.scenario().pack).map_err(Denied::internal)?,
+            furniture_urdf: self.sim.scene().furniture_urdf(),
         };
         let bytes = Bytes::from(reply.encode_to_vec());
         self.made.snapshot = Some((episode.number, bytes.clone()));

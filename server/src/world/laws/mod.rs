@@ -1,6 +1,7 @@
 //! Tests of laws of mechanics, on small synthetic scenes.
 
 mod friction;
+mod furniture_urdf;
 mod grip;
 mod oddities;
 mod people;

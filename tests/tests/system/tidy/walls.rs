@@ -186,7 +186,10 @@ const CLIENTS: [(&str, &[&str]); 14] = [
     ("client/sdk", &["proto"]),
     ("client/policy", &["proto"]),
     ("client/options", &["proto", "sdk"]),
-    ("client/dataset", &["codec", "language", "policy", "proto"]),
+    (
+        "client/dataset",
+        &["codec", "language", "pack", "policy", "proto"],
+    ),
     ("client/expert", &["planning", "proto", "sdk"]),
     ("client/import", &["pack", "planning", "proto"]),
     ("client/learn", &["policy", "proto", "sdk"]),

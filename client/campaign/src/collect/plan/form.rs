@@ -24,6 +24,8 @@ pub(super) struct PlanFile {
     pub(super) depth: Depth,
     #[serde(default = "apache")]
     pub(super) license: Spanned<String>,
+    /// Use that the licenses of world packs have to permit.
+    pub(super) licence: Option<Spanned<String>>,
     #[serde(default, deserialize_with = "purpose")]
     pub(super) purpose: Option<Purpose>,
     #[serde(default)]

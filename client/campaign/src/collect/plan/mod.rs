@@ -21,6 +21,9 @@ use self::form::PlanFile;
 use crate::renamed_keys::translated;
 use crate::variation::Variation;
 
+/// Value of the key `licence`.
+const COMMERCIAL: &str = "commercial";
+
 /// A checked plan.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
@@ -36,6 +39,8 @@ pub struct Plan {
     pub depth: Depth,
     /// Licence of the dataset, as the Hugging Face hub names licences.
     pub license: String,
+    /// Every part of the world packs has to permit commercial use: `licence = "commercial"`.
+    pub commercial: bool,
     /// Keeps the recordings of attempts that failed at the task.
     pub keep_failed: bool,
     /// Purpose of its episodes.
@@ -108,6 +113,17 @@ impl Plan {
             &file.license,
             || format!("license {license:?} is not the name of a licence; write for example \"cc-by-4.0\""),
         )?;
+        check.that(license != COMMERCIAL, &file.license, || {
+            "license = \"commercial\" is not a licence; write licence = \"commercial\" to refuse world packs that are not for commercial use, and license for that of the dataset".to_owned()
+        })?;
+        if let Some(of_packs) = &file.licence {
+            check.that(of_packs.get_ref() == COMMERCIAL, of_packs, || {
+                format!(
+                    "licence {:?} is not a use of world packs; write \"commercial\", or name the key `license` for the licence of the dataset",
+                    of_packs.get_ref()
+                )
+            })?;
+        }
         check.rate("sample_rate_hz", &file.sample_rate_hz, 240.0)?;
         Ok(Self {
             name: file.name.into_inner(),
@@ -115,6 +131,7 @@ impl Plan {
             attempts: file.attempts.into_inner(),
             depth: file.depth,
             license: file.license.into_inner(),
+            commercial: file.licence.is_some(),
             purpose,
             keep_failed: file.keep_failed,
             variation,
@@ -295,6 +312,18 @@ mod tests {
                 "at least 1",
             ),
             ("episodes = 2", "episodes = 0", 8, "remove the task"),
+            (
+                "name = \"x\"",
+                "name = \"x\"\nlicence = \"cc-by-4.0\"",
+                2,
+                "name the key `license`",
+            ),
+            (
+                "name = \"x\"",
+                "name = \"x\"\nlicense = \"commercial\"",
+                2,
+                "write licence = \"commercial\"",
+            ),
             ("width = 64", "width = 0", 2, "16 to 4096"),
             ("height = 48", "height = 4097", 2, "16 to 4096"),
             (

@@ -5,6 +5,7 @@
 //! An episode's images are encoded into scratch files first, so that an
 //! unreadable recording leaves no data in the set.
 
+mod card;
 mod depth_code;
 mod language;
 mod layout;
@@ -36,6 +37,7 @@ use super::ffmpeg::Stream;
 use super::intrinsics;
 use super::learning::{self, Learning, RowOptions};
 use super::{Format, PendingFolder, Recording, Sees, Size, Written, png_depth, png_rgb, scaled};
+use crate::credits::PackCredits;
 
 /// Rows that are encoded, and written as one row group, together.
 const BLOCK: usize = 32;
@@ -160,6 +162,7 @@ impl Format for LeRobot {
             false => None,
         };
         let rows = &learning.rows;
+        let packs = PackCredits::of_episode(&recording.episode)?;
         let mut scratch = Scratch::new(set.folder.path())?;
         let mut films = self.films(set, &layout)?;
         let mut statistics =
@@ -179,6 +182,11 @@ impl Format for LeRobot {
         match { known }.find(|(known, _)| *known == calibration) {
             Some((_, episodes)) => episodes.push(episode),
             None => set.calibrations.push((calibration, vec![episode])),
+        }
+        for pack in packs {
+            if !set.packs.contains(&pack) {
+                set.packs.push(pack);
+            }
         }
         let whole = Block {
             recording,
@@ -229,6 +237,7 @@ impl Format for LeRobot {
         };
         self.close_reels(&mut set, &layout, true)?;
         metadata(set.folder.path(), &set, &layout)?;
+        card::write(set.folder.path(), &set)?;
         drop(set);
         let set = self.set.into_inner();
         Ok(Some(Written {

@@ -8,6 +8,7 @@ use super::statistics::Gathered;
 use super::table::{Column, Table};
 use super::video_concat::{Place, VideoConcat};
 use crate::convert::PendingFolder;
+use crate::credits::PackCredits;
 
 /// A data set while episodes are added.
 pub(super) struct Set {
@@ -35,6 +36,8 @@ pub(super) struct Set {
     /// Intrinsics of cameras for images of the set's size, with the episodes that
     /// have them: specimens of the robot differ.
     pub calibrations: Vec<(serde_json::Value, Vec<usize>)>,
+    /// Authors and licenses of the world packs of all episodes.
+    pub packs: Vec<PackCredits>,
 }
 
 /// One episode of the set.
@@ -72,6 +75,7 @@ impl Set {
             rows: 0,
             statistics: BTreeMap::new(),
             calibrations: Vec::new(),
+            packs: Vec::new(),
         }
     }
 

@@ -7,18 +7,19 @@ use wheelarm_proto::{TopicId, v1};
 
 use super::channel::Channel;
 use super::foxglove::{self, FrameTransforms, transform};
-use crate::convert::{Recording, links};
+use crate::convert::Recording;
+use crate::convert::links::{self, Descriptions};
 use crate::pose::{self, Pose};
 use crate::read::{Camera, ReadError};
-use crate::urdf::{self, Robot};
+use crate::urdf::{self, Joint, Robot};
 
 /// Every channel of a recording.
 pub(super) fn channels<'a>(
     recording: &'a Recording,
-    robot: Option<&'a Robot>,
-    assets: &[v1::AssetText],
+    described: &'a Descriptions,
+    start: &v1::SnapshotReply,
 ) -> anyhow::Result<Vec<Channel<'a>>> {
-    let mut out = once(recording, robot, assets)?;
+    let mut out = once(recording, described, start)?;
     for (name, camera) in &recording.cameras {
         let all = images(recording, &format!("/camera/{name}"), name, camera).into_iter();
         out.extend(all.filter(|channel| camera.has_depth() || !channel.topic.ends_with("/depth")));
@@ -39,23 +40,23 @@ pub(super) fn channels<'a>(
     // Every topic of the table, so that every recorded stream is in the log.
     for topic in TopicId::ALL {
         if topic == TopicId::Event || recording.episode.has(topic.name()) {
-            of_topic(&mut out, topic, recording, robot)?;
+            of_topic(&mut out, topic, recording, described)?;
         }
     }
     Ok(out)
 }
 
-/// Messages that a viewer needs once: static links, and the robot's appearance.
+/// Messages that a viewer needs once: static links, and the appearance of robot and
+/// furniture.
 fn once<'a>(
     recording: &'a Recording,
-    robot: Option<&'a Robot>,
-    assets: &[v1::AssetText],
+    described: &'a Descriptions,
+    start: &v1::SnapshotReply,
 ) -> anyhow::Result<Vec<Channel<'a>>> {
     let stamp = recording.summary.span_nanos.0;
     let mut out = Vec::new();
-    if let Some(robot) = robot {
-        let recorded = recording.episode.names("joint_state", "position")?;
-        let still = links::still(robot, &recorded);
+    let still = described.still(recording)?;
+    if !still.is_empty() {
         out.push(Channel::foxglove(
             "/tf_static",
             &[stamp],
@@ -68,8 +69,12 @@ fn once<'a>(
             },
         ));
     }
-    if let Some(drawn) = urdf::text(assets).and_then(|t| urdf::without_meshes(t).ok()) {
+    if let Some(drawn) = urdf::text(&start.assets).and_then(|t| urdf::without_meshes(t).ok()) {
         out.push(Channel::text("/robot_description", stamp, drawn));
+    }
+    if described.furniture.is_some() {
+        let text = start.furniture_urdf.clone();
+        out.push(Channel::text("/furniture_description", stamp, text));
     }
     Ok(out)
 }
@@ -108,9 +113,9 @@ fn of_topic<'a>(
     out: &mut Vec<Channel<'a>>,
     topic: TopicId,
     recording: &'a Recording,
-    robot: Option<&'a Robot>,
+    described: &'a Descriptions,
 ) -> anyhow::Result<()> {
-    let episode = &recording.episode;
+    let (episode, robot) = (&recording.episode, described.robot.as_ref());
     let samples = || Ok::<_, anyhow::Error>(Arc::new(episode.samples(topic.name())?));
     match topic {
         TopicId::JointState => joint_state(out, recording, robot)?,
@@ -118,16 +123,28 @@ fn of_topic<'a>(
         TopicId::FurnitureJoint => {
             let samples = samples()?;
             let stamps = samples.stamps().to_vec();
+            let joints = samples.clone();
             out.push(Channel::foxglove(
                 "/furniture_joints",
                 &stamps,
                 move |i, stamp| {
-                    let m: v1::FurnitureJoints = samples.message(i)?;
+                    let m: v1::FurnitureJoints = joints.message(i)?;
                     let numbers = [&m.positions[..], &m.velocities, &[]];
-                    let names = &samples.context().furniture_joints;
+                    let names = &joints.context().furniture_joints;
                     Ok(foxglove::joints(names, numbers, stamp))
                 },
             ));
+            if let Some(furniture) = &described.furniture {
+                let moving = links::moving(furniture, &samples.context().furniture_joints);
+                out.push(Channel::foxglove(
+                    "/tf/furniture",
+                    &stamps,
+                    move |i, stamp| {
+                        let m: v1::FurnitureJoints = samples.message(i)?;
+                        Ok(posed(&moving, &m.positions, stamp))
+                    },
+                ));
+            }
         }
         TopicId::ObjectPose => {
             let samples = samples()?;
@@ -217,15 +234,20 @@ fn joint_state<'a>(
     let moving = links::moving(robot, &samples.context().joints);
     out.push(Channel::foxglove("/tf/links", &stamps, move |i, stamp| {
         let m: v1::JointState = samples.message(i)?;
-        let each = moving.iter().map(|(place, joint)| {
-            let position = m.positions.get(*place).copied().unwrap_or(f64::NAN);
-            transform(stamp, &joint.parent, &joint.child, &joint.pose(position))
-        });
-        Ok(FrameTransforms {
-            transforms: each.collect(),
-        })
+        Ok(posed(&moving, &m.positions, stamp))
     }));
     Ok(())
+}
+
+/// The children of moving joints at their positions.
+fn posed(moving: &[(usize, &Joint)], positions: &[f64], stamp: u64) -> FrameTransforms {
+    let each = moving.iter().map(|(place, joint)| {
+        let position = positions.get(*place).copied().unwrap_or(f64::NAN);
+        transform(stamp, &joint.parent, &joint.child, &joint.pose(position))
+    });
+    FrameTransforms {
+        transforms: each.collect(),
+    }
 }
 
 /// The poses of the chair, or of every recorded frame of a recording without links, and of the

@@ -14,9 +14,10 @@ use std::path::{Path, PathBuf};
 use mcap::records::MessageHeader;
 use wheelarm_proto::v1;
 
+use super::links::Descriptions;
 use super::series::in_order;
 use super::{Format, PendingFile, Recording, Written};
-use crate::urdf::Robot;
+use crate::credits::PackCredits;
 
 /// Origin of cx and cy of a calibration.
 const CONVENTION: &str = "pixel centre, as OpenCV and ROS count: u, v, cx and cy are 0 at the \
@@ -59,14 +60,15 @@ fn write(
     tick: &dyn Fn(),
 ) -> anyhow::Result<usize> {
     let snapshot = recording.episode.snapshot()?;
-    let robot = Robot::from_assets(&snapshot.assets);
-    let channels = channels::channels(recording, robot.as_ref(), &snapshot.assets)?;
+    let described = Descriptions::read(&snapshot);
+    let channels = channels::channels(recording, &described, &snapshot)?;
     let mut writer = mcap::WriteOptions::new()
         .compression(Some(mcap::Compression::Lz4))
         .chunk_size(Some(4 << 20))
         .library(format!("wheelarm-dataset {}", env!("CARGO_PKG_VERSION")))
         .create(BufWriter::new(File::create_new(path)?))?;
-    for (name, metadata) in metadata(recording, &snapshot.instances) {
+    let packs = PackCredits::of_episode(&recording.episode)?;
+    for (name, metadata) in metadata(recording, &snapshot.instances, &packs) {
         let name = name.to_owned();
         writer.write_metadata(&mcap::records::Metadata { name, metadata })?;
     }
@@ -107,11 +109,12 @@ fn write(
 }
 
 /// Content stored once in the file: the episode, the convention of its
-/// calibrations, and the meaning of instance IDs.
+/// calibrations, the meaning of instance IDs, and authors and licenses of world packs.
 fn metadata(
     recording: &Recording,
     legend: &[v1::Instance],
-) -> [(&'static str, BTreeMap<String, String>); 3] {
+    packs: &[PackCredits],
+) -> Vec<(&'static str, BTreeMap<String, String>)> {
     let s = &recording.summary;
     let words = [
         ("label", s.label.clone()),
@@ -124,9 +127,15 @@ fn metadata(
     let words = words.map(|(k, v)| (k.to_owned(), v));
     let convention = ("convention".to_owned(), CONVENTION.to_owned());
     let legend = legend.iter().map(|i| (i.id.to_string(), i.name.clone()));
-    [
+    let mut all = vec![
         ("episode", words.into_iter().collect()),
         ("camera_calibration", BTreeMap::from([convention])),
         ("instance_ids", legend.collect()),
-    ]
+    ];
+    if !packs.is_empty() {
+        let credits = packs.iter();
+        let credits = credits.map(|one| (one.pack.name.clone(), one.json().to_string()));
+        all.push(("world_packs", credits.collect()));
+    }
+    all
 }

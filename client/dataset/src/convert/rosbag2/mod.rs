@@ -2,6 +2,8 @@
 //! metadata.yaml, every recorded sample at its own time, without resampling.
 //! Standard messages where there is one, JSON in `std_msgs/msg/String` for the rest.
 
+mod channel;
+mod furniture;
 mod metadata;
 mod topics;
 mod words;
@@ -13,13 +15,14 @@ use std::path::{Path, PathBuf};
 
 use mcap::records::MessageHeader;
 
+use self::channel::Channel;
 use self::metadata::{Bag, Topic};
-use self::topics::Channel;
+use super::links::Descriptions;
 use super::ros2::{description, type_hash};
 use super::series::in_order;
 use super::{Format, PendingFolder, Recording, Written};
+use crate::credits::PackCredits;
 use crate::publish;
-use crate::urdf::Robot;
 
 /// Writes the bag `LABEL` per episode.
 #[derive(Clone, Debug)]
@@ -44,9 +47,15 @@ impl Format for Rosbag2 {
         let pending = PendingFolder::new(&self.out.join(label))?;
         let file = format!("{label}_0.mcap");
         let snapshot = recording.episode.snapshot()?;
-        let robot = Robot::from_assets(&snapshot.assets);
-        let channels = topics::channels(recording, robot.as_ref(), &snapshot)?;
-        let bag = bag(&file, recording, &channels);
+        let described = Descriptions::read(&snapshot);
+        let channels = topics::channels(recording, &described, &snapshot)?;
+        let mut bag = bag(&file, recording, &channels);
+        let packs = PackCredits::of_episode(&recording.episode)?;
+        if !packs.is_empty() {
+            let credits: serde_json::Value = packs.iter().map(PackCredits::json).collect();
+            bag.words
+                .push(("world_packs".to_owned(), credits.to_string()));
+        }
         write(
             &pending.path().join(&file),
             recording,
@@ -59,7 +68,7 @@ impl Format for Rosbag2 {
         text.write_all(bag.text().as_bytes())?;
         publish::sync_file(&text)?;
         let mut notes = Vec::new();
-        if robot.is_none() {
+        if described.robot.is_none() {
             notes.push("without a robot description: only the recorded frames are in /tf".into());
         }
         Ok(Written {

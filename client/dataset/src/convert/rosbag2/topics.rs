@@ -4,15 +4,17 @@
 
 use std::sync::Arc;
 
-use wheelarm_proto::{Topic, TopicId, v1};
+use wheelarm_proto::{TopicId, v1};
 
+use super::channel::{Channel, posed, transform};
+use super::furniture;
 use super::words::Words;
+use crate::convert::Recording;
+use crate::convert::links::{self, Descriptions};
 use crate::convert::ros2::{
-    CameraInfo, Clock, Image, Imu, JointState, Odometry, PointCloud2, PoseStamped, RosMessage,
-    TFMessage, Text, Transform, TwistStamped,
+    CameraInfo, Clock, Image, Imu, JointState, Odometry, PointCloud2, PoseStamped, TFMessage, Text,
+    TwistStamped,
 };
-use crate::convert::series::Series;
-use crate::convert::{Recording, links};
 use crate::pose::{self, Pose};
 use crate::read::{Camera, Samples};
 use crate::urdf::{self, Robot};
@@ -22,55 +24,6 @@ use crate::{depth, ids};
 const WORLD: &str = "house";
 /// Frame in which wheel odometry counts.
 const ODOMETRY: &str = "odom";
-
-/// Metadata of messages in a bag.
-pub(super) struct Kind {
-    /// Full name of their type.
-    pub name: &'static str,
-    /// Whether late subscribers get the last one.
-    pub latched: bool,
-}
-
-/// Messages of one source.
-pub(super) type Channel<'a> = Series<'a, Kind>;
-
-impl<'a> Channel<'a> {
-    fn of<M: RosMessage>(
-        topic: impl Into<String>,
-        stamps: &[u64],
-        make: impl Fn(usize, u64) -> anyhow::Result<M> + Sync + 'a,
-    ) -> Self {
-        let kind = Kind {
-            name: M::NAME,
-            latched: false,
-        };
-        Self::new(topic, kind, stamps.to_vec(), move |i, stamp| {
-            Ok(make(i, stamp)?.encoded())
-        })
-    }
-
-    /// A message of every sample of a stream.
-    fn per_sample<T: Topic, M: RosMessage>(
-        topic: impl Into<String>,
-        samples: &Arc<Samples>,
-        make: impl Fn(T, u64) -> M + Sync + 'a,
-    ) -> Self {
-        let stream = samples.clone();
-        Self::of(topic, samples.stamps(), move |i, stamp| {
-            Ok(make(stream.message(i)?, stamp))
-        })
-    }
-
-    /// One message that is valid from `stamp` on.
-    fn latched<M: RosMessage>(topic: &str, stamp: u64, message: &M) -> Self {
-        let kind = Kind {
-            name: M::NAME,
-            latched: true,
-        };
-        let bytes = message.encoded();
-        Self::new(topic, kind, vec![stamp], move |_, _| Ok(bytes.clone()))
-    }
-}
 
 /// Topic of a camera's colour.
 pub(super) fn colour(camera: &str) -> String {
@@ -96,17 +49,17 @@ fn optical_frame(name: &str) -> String {
 /// Every channel of a recording that has a message.
 pub(super) fn channels<'a>(
     recording: &'a Recording,
-    robot: Option<&'a Robot>,
+    described: &'a Descriptions,
     start: &v1::SnapshotReply,
 ) -> anyhow::Result<Vec<Channel<'a>>> {
     // At one stamp the clock is first, for readers that use it.
     let mut out = Vec::new();
     let clock = recording.episode.stamps(TopicId::Clock.name())?;
     out.push(Channel::of("/clock", &clock, |_, stamp| Ok(Clock(stamp))));
-    once(&mut out, recording, robot, start)?;
+    once(&mut out, recording, described, start)?;
     for topic in TopicId::ALL {
         if topic == TopicId::Event || recording.episode.has(topic.name()) {
-            of_topic(&mut out, topic, recording, robot)?;
+            of_topic(&mut out, topic, recording, described)?;
         }
     }
     for (name, camera) in &recording.cameras {
@@ -123,16 +76,13 @@ pub(super) fn channels<'a>(
 fn once(
     out: &mut Vec<Channel<'_>>,
     recording: &Recording,
-    robot: Option<&Robot>,
+    described: &Descriptions,
     start: &v1::SnapshotReply,
 ) -> anyhow::Result<()> {
     let stamp = recording.summary.span_nanos.0;
-    let mut still = Vec::new();
-    if let Some(robot) = robot {
-        let recorded = recording.episode.names("joint_state", "position")?;
-        let joints = links::still(robot, &recorded).into_iter();
-        still.extend(joints.map(|j| transform(stamp, &j.parent, &j.child, j.pose(0.0))));
-    }
+    let joints = described.still(recording)?.into_iter();
+    let joints = joints.map(|j| transform(stamp, &j.parent, &j.child, j.pose(0.0)));
+    let mut still: Vec<_> = joints.collect();
     if let Some(pose) = odometry_in_world(recording)? {
         still.push(transform(stamp, WORLD, ODOMETRY, pose));
     }
@@ -141,6 +91,10 @@ fn once(
     }
     if let Some(drawn) = urdf::text(&start.assets).and_then(|t| urdf::without_meshes(t).ok()) {
         out.push(Channel::latched("/robot_description", stamp, &Text(drawn)));
+    }
+    if described.furniture.is_some() {
+        let text = Text(start.furniture_urdf.clone());
+        out.push(Channel::latched("/furniture_description", stamp, &text));
     }
     let instruction = Text(recording.summary.instruction.clone());
     out.push(Channel::latched("/instruction", stamp, &instruction));
@@ -265,10 +219,10 @@ fn of_topic<'a>(
     out: &mut Vec<Channel<'a>>,
     topic: TopicId,
     recording: &'a Recording,
-    robot: Option<&'a Robot>,
+    described: &'a Descriptions,
 ) -> anyhow::Result<()> {
-    let episode = &recording.episode;
-    let described = &recording.robot;
+    let (episode, robot) = (&recording.episode, described.robot.as_ref());
+    let (imu_link, root_link) = (&recording.robot.imu_link, &recording.robot.root_link);
     let samples = || Ok::<_, anyhow::Error>(Arc::new(episode.samples(topic.name())?));
     let imu = |m: (
         Option<v1::Quaternion>,
@@ -277,7 +231,7 @@ fn of_topic<'a>(
     ),
                stamp| Imu {
         stamp,
-        frame: described.imu_link.clone(),
+        frame: imu_link.clone(),
         orientation: m.0.map(|q| [q.x, q.y, q.z, q.w]),
         angular_velocity: vector(m.1.as_ref()),
         linear_acceleration: vector(m.2.as_ref()),
@@ -285,7 +239,7 @@ fn of_topic<'a>(
     let odometry = |pose: Option<v1::Pose>, twist: Option<v1::Twist>, stamp| Odometry {
         stamp,
         frame: ODOMETRY.to_owned(),
-        child: described.root_link.clone(),
+        child: root_link.clone(),
         pose: pose::of_message(pose.as_ref()),
         twist: twist_of(twist.as_ref()),
     };
@@ -333,21 +287,7 @@ fn of_topic<'a>(
                 },
             ));
         }
-        TopicId::FurnitureJoint => {
-            let samples = samples()?;
-            let names = samples.context().furniture_joints.clone();
-            out.push(Channel::per_sample(
-                "/furniture/joint_states",
-                &samples,
-                move |m: v1::FurnitureJoints, stamp| JointState {
-                    stamp,
-                    names: names.clone(),
-                    positions: m.positions,
-                    velocities: m.velocities,
-                    efforts: Vec::new(),
-                },
-            ));
-        }
+        TopicId::FurnitureJoint => furniture::joints(out, &samples()?, described),
         TopicId::ObjectPose => {
             let samples = samples()?;
             let names = samples.context().objects.clone();
@@ -434,13 +374,7 @@ fn joint_state<'a>(out: &mut Vec<Channel<'a>>, samples: &Arc<Samples>, robot: Op
         out.push(Channel::per_sample(
             "/tf",
             samples,
-            move |m: v1::JointState, stamp| {
-                let each = moving.iter().map(|(place, joint)| {
-                    let position = m.positions.get(*place).copied().unwrap_or(f64::NAN);
-                    transform(stamp, &joint.parent, &joint.child, joint.pose(position))
-                });
-                TFMessage(each.collect())
-            },
+            move |m: v1::JointState, stamp| posed(&moving, &m.positions, stamp),
         ));
     }
 }
@@ -530,15 +464,6 @@ fn applied<'a>(out: &mut Vec<Channel<'a>>, samples: &Arc<Samples>, recording: &'
             pose: pose::of_message(m.desired_pose.as_ref()),
         },
     ));
-}
-
-fn transform(stamp: u64, parent: &str, child: &str, pose: Pose) -> Transform {
-    Transform {
-        stamp,
-        parent: parent.to_owned(),
-        child: child.to_owned(),
-        pose,
-    }
 }
 
 /// NaN where a part is not set.

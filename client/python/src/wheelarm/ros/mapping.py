@@ -108,6 +108,16 @@ def joint_state(sample, names: Sequence[str]) -> JointState:
     )
 
 
+def furniture_joints(sample, names: Sequence[str]) -> JointState:
+    """``wheelarm.v1.FurnitureJoints``: m and m/s of drawers, rad and rad/s of doors."""
+    return JointState(
+        header=header(sample.header.stamp_nanos, ""),
+        name=list(names),
+        position=array.array("d", sample.positions),
+        velocity=array.array("d", sample.velocities),
+    )
+
+
 def one_joint(sample, names: Sequence[str], index: int) -> JointState:
     """One joint of ``wheelarm.v1.JointState``, without effort, as in WheelArm-Sim's
     ``processed_data/joint_state/{joint}``."""

@@ -28,6 +28,7 @@ from . import mapping, tree
 from .command import CMD_VEL_TIMEOUT, PendingCommands
 from .controller import Controller
 from .entities import Entities
+from .furniture import Furniture
 from .outputs import IMAGES, LATCHED, TRANSFORMS, Outputs
 from .robot import ODOM, WORLD, Robot, optical_frame
 from .seed import IMU_TOPICS, SeedTopics, image_topics
@@ -168,6 +169,7 @@ class WheelArmNode(Node):
         self.seed: SeedTopics | None = None
         self.robot: Robot | None = None
         self.entities: Entities | None = None
+        self.furniture = Furniture()
         self._run_id, self._tick = "", 0
         self._last_arrival = time.monotonic()
         self._newest: dict[str, object] = {}
@@ -242,6 +244,8 @@ class WheelArmNode(Node):
         ):
             self.outputs.declare(topic, kind)
         self.outputs.declare("robot_description", String, LATCHED)
+        self.outputs.declare("furniture_description", String, LATCHED)
+        self.outputs.declare("furniture/joint_states", JointState)
         if self.options.publish_tf:
             self.outputs.declare("/tf", TFMessage, TRANSFORMS)
             self.outputs.declare("/tf_static", TFMessage, LATCHED)
@@ -280,6 +284,7 @@ class WheelArmNode(Node):
         """Adopts robot, entities, pacing and cameras of the present scenario."""
         robot = robot or Robot.from_description(scene.robot)
         self.robot, self.entities = robot, Entities.from_scene(scene, robot)
+        self.furniture = Furniture.from_scene(scene)
         with self.controller.changed:
             self.controller.commands.robot = robot
         lock_step = status.scenario.pacing == v1.PACING_LOCK_STEP
@@ -295,6 +300,9 @@ class WheelArmNode(Node):
             "robot_description",
             String(data=tree.with_mesh_folder(robot.urdf, self.options.mesh_folder)),
         )
+        self.outputs.publish_latched(
+            "furniture_description", String(data=self.furniture.urdf)
+        )
         if self.options.publish_tf:
             self.outputs.publish_latched("/tf_static", self._static(status, scene, robot))
 
@@ -302,7 +310,7 @@ class WheelArmNode(Node):
         stamp = status.header.stamp_nanos
         transforms = [
             mapping.transform_stamped(joint.origin, stamp, joint.parent, joint.child)
-            for joint in robot.tree
+            for joint in [*robot.tree, *self.furniture.tree]
             if joint.kind == "fixed"
         ]
         # Mounts of the cameras: the sampled ones of the scenario override the description.
@@ -365,6 +373,8 @@ class WheelArmNode(Node):
             self.entities.object_poses(sample)
         elif topic == "furniture_joint":
             self.entities.furniture_joints(sample)
+            names = self.furniture.joints
+            publish("furniture/joint_states", lambda: mapping.furniture_joints(sample, names))
         elif topic == "imu":
             publish("imu/data", lambda: mapping.imu(sample, robot.imu))
             publish("imu", lambda: mapping.imu(sample, robot.imu))
@@ -396,9 +406,12 @@ class WheelArmNode(Node):
         parts = [self._newest.pop(topic, None) for topic in ("joint_state", "pose", "odometry")]
         if None in parts or len({part.header.tick for part in parts}) != 1:
             return
-        self.outputs.publish("/tf", lambda: self._tf_message(*parts))
+        furniture = self._newest.get("furniture_joint")
+        if furniture is not None and furniture.header.tick != parts[0].header.tick:
+            furniture = None
+        self.outputs.publish("/tf", lambda: self._tf_message(*parts, furniture))
 
-    def _tf_message(self, joints, poses, odometry) -> TFMessage:
+    def _tf_message(self, joints, poses, odometry, furniture=None) -> TFMessage:
         stamp, robot = joints.header.stamp_nanos, self.robot
         poses_by_link = {
             (parent, link): tree.from_pose(frame.pose)
@@ -426,6 +439,12 @@ class WheelArmNode(Node):
                 robot.tree, positions, robot.arm_base, in_base
             )
         ]
+        if furniture is not None:
+            positions = dict(zip(self.furniture.joints, furniture.positions, strict=False))
+            transforms += [
+                mapping.transform_stamped(place, stamp, joint.parent, joint.child)
+                for joint, place in tree.moving_transforms(self.furniture.tree, positions)
+            ]
         return TFMessage(transforms=transforms)
 
     def publish_image(self, camera: str, frame) -> None:

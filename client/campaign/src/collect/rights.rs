@@ -1,0 +1,93 @@
+//! Licenses of the world pack of a plan, checked before any episode is made.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use wheelarm_pack::Store;
+
+use super::plan::Plan;
+
+/// Checks that the pack of the plan's scene permits commercial use.
+///
+/// Returns a warning when it does not and the plan does not require it. A scene of the
+/// assets has no pack.
+///
+/// # Errors
+/// When the plan has `licence = "commercial"` and a part of the pack does not permit it, or
+/// when the pack is not valid.
+pub fn check(
+    path: &Path,
+    plan: &Plan,
+    assets: &Path,
+    packs: &[PathBuf],
+) -> anyhow::Result<Option<String>> {
+    let scene = &plan.scenario().scene;
+    if assets.join(format!("scenes/{scene}.toml")).is_file() {
+        return Ok(None);
+    }
+    let pack = Store::search(packs, assets).open(scene);
+    let pack = pack.with_context(|| format!("the pack {scene:?} cannot be used"))?;
+    let Some(Err(problem)) = pack.map(|pack| pack.check_commercial()) else {
+        return Ok(None);
+    };
+    if plan.commercial {
+        let what = format!("{} requires licence = \"commercial\"", path.display());
+        return Err(anyhow::Error::new(problem).context(what));
+    }
+    Ok(Some(problem.to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PLAN: &str = "name = \"x\"\nscenario.scene = \"flat\"\n[[scenario.cameras]]\nname = \"gen3\"\nwidth = 64\nheight = 48\n[[task]]\nname = \"pick_jar\"\nepisodes = 2\n";
+
+    /// A copy of the flat in which `from` is `to` in one file.
+    fn packs(file: &str, from: &str, to: &str) -> tempfile::TempDir {
+        let flat = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/flat");
+        let mut files = wheelarm_pack::Pack::open(&flat).unwrap().files().clone();
+        let text = String::from_utf8(files[file].clone()).unwrap();
+        assert!(text.contains(from), "{file}");
+        files.insert(file.to_owned(), text.replace(from, to).into_bytes());
+        let folder = tempfile::tempdir().unwrap();
+        let pack = wheelarm_pack::Pack::from_files(files).unwrap();
+        pack.write_folder(&folder.path().join("flat")).unwrap();
+        folder
+    }
+
+    #[test]
+    fn only_plans_for_commercial_use_refuse_packs_and_the_others_warn() {
+        let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
+        let path = Path::new("p.toml");
+        let check = |text: String, packs: &Path| {
+            let plan = Plan::parse(path, text).unwrap();
+            check(path, &plan, &assets, &[packs.to_owned()])
+        };
+        let commercial = format!("licence = \"commercial\"\n{PLAN}");
+        for (license, permitted, words) in [
+            ("CC0-1.0", true, ""),
+            ("CC-BY-NC-4.0", false, "jar (CC-BY-NC-4.0)"),
+            ("unknown", false, "jar (unknown)"),
+            ("my own", false, "jar (my own)"),
+        ] {
+            let changed = format!("license = \"{license}\"");
+            let folder = packs("objects/jar.toml", "license = \"CC0-1.0\"", &changed);
+            let warning = check(PLAN.to_owned(), folder.path()).unwrap();
+            assert_eq!(warning.is_none(), permitted, "{license}: {warning:?}");
+            let refused = check(commercial.clone(), folder.path());
+            assert_eq!(refused.is_ok(), permitted, "{license}");
+            if let Err(problem) = refused {
+                let text = format!("{problem:#}");
+                assert!(text.starts_with("p.toml requires licence"), "{text}");
+                assert!(
+                    text.contains(words) && text.contains("remove or replace"),
+                    "{text}"
+                );
+            }
+        }
+        // A scene of the assets has no pack.
+        let home = commercial.replace("\"flat\"", "\"home\"");
+        assert_eq!(check(home, Path::new("nowhere")).unwrap(), None);
+    }
+}
