@@ -27,7 +27,7 @@ use wheelarm_server::sensors::camera::{Graphics, Renderer};
 use wheelarm_server::service::session::Reach;
 use wheelarm_server::service::{self, OpenAhead, Options, packs, startup};
 use wheelarm_server::sim::{Scenario, ScenePack, SimError, Simulation};
-use wheelarm_server::tasks::{self, Floor, TaskSpec, table};
+use wheelarm_server::tasks::{self, Floor, SamplingRules, TaskSpec, table};
 
 /// Headless simulation of a wheelchair with a robotic arm in a home.
 ///
@@ -232,11 +232,18 @@ fn print_samples(
         &home,
         &model.settings.gripper.corridor,
     )?;
+    let rules = scenario.draws;
+    let rules = rules.unwrap_or_else(|| SamplingRules::of_scene(&home));
+    let reach = model.read_reach_map(assets)?;
     let mut scenes: Vec<(String, Scene, Floor)> = Vec::new();
     for variant in &task.area.variants {
         let mut scene = home.clone();
         scene.keep_optional(&variant.furniture);
         let floor = Floor::new(&model, &scene);
+        let floor = match rules {
+            SamplingRules::Ranges => floor,
+            SamplingRules::Maps => floor.by_maps(&scene, reach.clone(), scenario.starts),
+        };
         scenes.push((variant.name.clone(), scene, floor));
     }
     let mut out = std::io::BufWriter::new(std::io::stdout().lock());
@@ -246,7 +253,8 @@ fn print_samples(
             .context("the area has no variant for this task")?;
         let found = scenes.iter().find(|(name, ..)| *name == variant.name);
         let (name, scene, floor) = found.context("the area does not have this variant")?;
-        let floor = (scenario.starts == Starts::Anywhere).then_some(floor);
+        let needs_floor = scenario.starts == Starts::Anywhere || rules == SamplingRules::Maps;
+        let floor = needs_floor.then_some(floor);
         let draw = tasks::sample(&task, variant, scene, seed, floor);
         let row = table::row(&task.area, scene, &task.name, name, seed, &draw);
         writeln!(out, "{row}")?;

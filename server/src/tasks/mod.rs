@@ -4,7 +4,8 @@
 //!   ranges.
 //! - `load` reads `assets/tasks/NAME.toml` into a `spec`: a `template`, and queries for
 //!   its objects.
-//! - `scene_sampling` samples a scene from area and seed, independent of the task.
+//! - `scene_sampling` samples a scene from area and seed, independent of the task. By the
+//!   rules of `sampling_rules`, `floor`, `drivable` and `grasp_reach` limit starts and objects.
 //! - `task_sampling` then selects a target in it, and `sentence` generates an
 //!   instruction by the grammar when a scenario requests one.
 //! - `evaluate` evaluates snapshots by the `predicates` of the template.
@@ -18,12 +19,14 @@ mod arrangement;
 mod care_tests;
 mod condition;
 mod context;
+mod drivable;
 mod evaluate;
 mod failure;
 mod file;
 mod floor;
 mod goal;
 mod grasp_clearance;
+mod grasp_reach;
 mod load;
 mod name_check;
 mod placement_clearance;
@@ -33,6 +36,7 @@ mod random;
 #[cfg(test)]
 mod reach_tests;
 mod rest;
+mod sampling_rules;
 mod scene_sampling;
 mod sentence;
 mod spec;
@@ -48,6 +52,7 @@ pub use failure::Failure;
 pub use floor::{Floor, collision_boxes};
 pub use goal::Goal;
 pub use load::{list, usable};
+pub use sampling_rules::SamplingRules;
 pub use scene_sampling::{SceneSample, sample_scene};
 pub use sentence::{Language, POLITENESS, sentence};
 pub use spec::{ConditionSpec, FailureSpec, TaskSpec, WaitSpec};
