@@ -31,7 +31,9 @@ fn main() -> Result<()> {
             let mut scene = home.clone();
             scene.keep_optional(&variant.furniture);
             let floor = Floor::new(&model, &scene);
-            let maps = floor.clone().by_maps(&scene, reach.clone(), Starts::Anywhere);
+            let maps = floor
+                .clone()
+                .by_maps(&scene, reach.clone(), Starts::Anywhere);
             for (floor, starts) in [
                 (None, "near"),
                 (Some(&floor), "anywhere"),

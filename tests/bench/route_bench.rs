@@ -66,7 +66,9 @@ fn main() -> Result<()> {
     let travel = model.settings.travel.as_ref();
     let travel = travel.filter(|_| options.posture == "travel");
     let outlines = travel.map_or(&model.settings.outlines, |travel| &travel.outlines);
-    let outlines = outlines.iter().map(|o| (o.top, Outline { sides: o.footprint }));
+    let outlines = outlines
+        .iter()
+        .map(|o| (o.top, Outline { sides: o.footprint }));
     let mut footprint = FootprintCheck::from_outlines(outlines);
     for obb in scene.furniture.iter().flat_map(collision_boxes) {
         footprint.put(obb.rectangle(), obb.heights());
@@ -154,7 +156,9 @@ fn main() -> Result<()> {
         at(1.0)
     );
     for ((number, greatest), name) in
-        special.iter().zip(["without a way", "without a path", "of 10 m and more"])
+        special
+            .iter()
+            .zip(["without a way", "without a path", "of 10 m and more"])
     {
         println!("pairs {name}: {number}, greatest {greatest:.1} ms");
     }

@@ -18,6 +18,8 @@ mod person_guard;
 mod playback;
 #[cfg(test)]
 mod rest_tests;
+#[cfg(test)]
+mod rules_tests;
 mod scenario;
 mod scenario_sampling;
 mod state;
