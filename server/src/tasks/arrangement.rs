@@ -100,7 +100,7 @@ impl<'a> Arrangement<'a> {
 
     /// The same with every possible target where the robot grasps it, until `misses` sampled
     /// places are out of reach.
-    pub(super) fn within(self, reach: GraspReach<'a>, misses: u32) -> Self {
+    pub(super) fn in_reach(self, reach: GraspReach<'a>, misses: u32) -> Self {
         let misses_left = Cell::new(misses);
         let reach = Some(ReachLimit { reach, misses_left });
         Self { reach, ..self }

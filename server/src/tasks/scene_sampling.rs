@@ -237,7 +237,7 @@ impl<'a> Placed<'a> {
         let taken: Vec<bool> = self.placements.iter().map(Option::is_some).collect();
         let mut arrangement = Arrangement::new(&area.hand, variant, self.scene, &taken);
         if let Some((reach, misses)) = reach {
-            arrangement = arrangement.within(reach, misses);
+            arrangement = arrangement.in_reach(reach, misses);
         }
         let mut best: Option<(Vec<Option<Placement>>, f64)> = None;
         for _ in 0..ATTEMPTS {
