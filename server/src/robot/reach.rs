@@ -75,7 +75,9 @@ impl RobotModel {
             let mut bytes = Vec::new();
             // One byte more shows that a file is too large.
             let most = FILE_BYTES as u64 + 1;
-            std::fs::File::open(&path)?.take(most).read_to_end(&mut bytes)?;
+            std::fs::File::open(&path)?
+                .take(most)
+                .read_to_end(&mut bytes)?;
             Ok::<_, std::io::Error>(bytes)
         };
         let bytes = read().map_err(|source| RobotError::Read {

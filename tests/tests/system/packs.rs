@@ -91,7 +91,11 @@ fn recording_in_a_pack_replays_without_its_folder_with_equal_hashes_and_images()
 
     // The scenario and the file name and hold the pack.
     let scenario = episode.scenario().expect("a scenario");
-    assert_eq!(scenario.draws, Some(2), "rules of sampling of a home with rooms");
+    assert_eq!(
+        scenario.draws,
+        Some(2),
+        "rules of sampling of a home with rooms"
+    );
     let recorded = scenario.packs;
     assert_eq!(recorded.len(), 1);
     assert_eq!(recorded[0].physics_digest, to_hex(&pack.id().physics));

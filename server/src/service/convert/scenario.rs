@@ -556,7 +556,10 @@ mod tests {
         let again = scenario_over(&other, &request(None, Some(8))).unwrap();
         assert_eq!(again.draws, Some(SamplingRules::Maps));
         let error = over(Some(3), None).unwrap_err().to_string();
-        assert!(error.contains("draws") && error.contains("1 (ranges"), "{error}");
+        assert!(
+            error.contains("draws") && error.contains("1 (ranges"),
+            "{error}"
+        );
     }
 
     #[test]
