@@ -27,7 +27,7 @@ use wheelarm_server::sensors::camera::{Graphics, Renderer};
 use wheelarm_server::service::session::Reach;
 use wheelarm_server::service::{self, OpenAhead, Options, packs, startup};
 use wheelarm_server::sim::{Scenario, ScenePack, SimError, Simulation};
-use wheelarm_server::tasks::{self, Floor, TaskSpec, table};
+use wheelarm_server::tasks::{self, Floor, SamplingRules, TaskSpec, table};
 
 /// Headless simulation of a wheelchair with a robotic arm in a home.
 ///
@@ -232,6 +232,9 @@ fn print_samples(
         &home,
         &model.settings.gripper.corridor,
     )?;
+    let rules = scenario.draws;
+    let rules = rules.unwrap_or_else(|| SamplingRules::of_scene(&home));
+    let reach = model.read_reach_map(assets)?;
     // Variants with the same furniture share scene and floor.
     let mut scenes: Vec<(Vec<String>, Scene, Floor)> = Vec::new();
     for variant in &task.area.variants {
@@ -244,6 +247,10 @@ fn print_samples(
         let mut scene = home.clone();
         scene.keep_optional(&variant.furniture);
         let floor = Floor::new(&model, &scene);
+        let floor = match rules {
+            SamplingRules::Ranges => floor,
+            SamplingRules::Maps => floor.by_maps(&scene, reach.clone(), scenario.starts),
+        };
         scenes.push((variant.furniture.clone(), scene, floor));
     }
     let mut out = std::io::BufWriter::new(std::io::stdout().lock());
@@ -254,7 +261,8 @@ fn print_samples(
         let mut found = scenes.iter();
         let found = found.find(|(furniture, ..)| *furniture == variant.furniture);
         let (_, scene, floor) = found.context("the area does not have this variant")?;
-        let floor = (scenario.starts == Starts::Anywhere).then_some(floor);
+        let needs_floor = scenario.starts == Starts::Anywhere || rules == SamplingRules::Maps;
+        let floor = needs_floor.then_some(floor);
         let (one, variant) = task.settled(variant, scene, seed, "")?;
         let draw = tasks::sample(&one, &variant, scene, seed, floor);
         let row = table::row(&task.area, scene, &task.name, &variant.name, seed, &draw);

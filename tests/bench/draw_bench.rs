@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::Result;
+use wheelarm_proto::settings::Starts;
 use wheelarm_server::robot::RobotModel;
 use wheelarm_server::scene::Scene;
 use wheelarm_server::sim::{Scenario, Simulation};
@@ -20,6 +21,7 @@ fn main() -> Result<()> {
         .map_or(Ok(2000), |text| text.parse::<u64>())?;
     let home = Scene::load(&assets, "home")?;
     let model = RobotModel::load(&assets, "wheelarm")?;
+    let reach = model.read_reach_map(&assets)?;
     let mut sampled = BTreeSet::new();
     for task in tasks::list(&assets, &model.settings.gripper.corridor)? {
         for variant in task.area.variants.iter() {
@@ -29,7 +31,14 @@ fn main() -> Result<()> {
             let mut scene = home.clone();
             scene.keep_optional(&variant.furniture);
             let floor = Floor::new(&model, &scene);
-            for (floor, starts) in [(None, "near"), (Some(&floor), "anywhere")] {
+            let maps = floor
+                .clone()
+                .by_maps(&scene, reach.clone(), Starts::Anywhere);
+            for (floor, starts) in [
+                (None, "near"),
+                (Some(&floor), "anywhere"),
+                (Some(&maps), "by maps"),
+            ] {
                 let (mut longest, mut attempts, mut tight) = (0.0_f64, Vec::new(), 0);
                 let mut nowhere = 0;
                 let begin = Instant::now();
@@ -39,7 +48,7 @@ fn main() -> Result<()> {
                     longest = longest.max(one.elapsed().as_secs_f64());
                     attempts.push(drawn.attempts);
                     nowhere += usize::from(floor.is_some() && drawn.arm.is_none());
-                    tight += usize::from(drawn.clearance < 0.0);
+                    tight += usize::from(drawn.clearance < 0.0 || !drawn.has_reach);
                 }
                 attempts.sort_unstable();
                 println!(

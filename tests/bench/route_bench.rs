@@ -2,18 +2,23 @@
 //! distance, as the scripted operator searched before: three rough searches and six
 //! complete ones) beside one search on the floor map with its distance field.
 //!
-//! `route_bench [--assets DIR] [--pairs N] [--reference N]`
+//! With `--pack` the home is that of a world pack, and `--posture travel` stows the arm. The
+//! bench then also shows pairs without a route, and those of 10 m and more.
+//!
+//! `route_bench [--assets DIR] [--pack DIR] [--posture home|travel] [--pairs N] [--reference N]`
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Result;
 use clap::Parser;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use wheelarm_pack::Pack;
 use wheelarm_planning::footprint_check::{FootprintCheck, Outline, Pose2};
-use wheelarm_planning::hybrid_a_star::{DriveGoal, PathPreferences, has_path, search};
-use wheelarm_planning::route_planner::RoutePlanner;
+use wheelarm_planning::hybrid_a_star::{DriveGoal, PathPreferences, Segment, has_path, search};
+use wheelarm_planning::route_planner::{RouteError, RoutePlanner};
 use wheelarm_server::robot::RobotModel;
 use wheelarm_server::scene::Scene;
 use wheelarm_server::tasks::collision_boxes;
@@ -23,6 +28,12 @@ struct Options {
     /// Folder with robots and scenes.
     #[arg(long, default_value = "assets")]
     assets: PathBuf,
+    /// Folder or file of a world pack; the home of the assets when absent.
+    #[arg(long)]
+    pack: Option<PathBuf>,
+    /// Posture of the arm: `home` or `travel`.
+    #[arg(long, default_value = "home")]
+    posture: String,
     /// Random pairs of a start and a goal.
     #[arg(long, default_value_t = 200)]
     pairs: usize,
@@ -48,9 +59,16 @@ const ROUGH: usize = 12_000;
 fn main() -> Result<()> {
     let options = Options::parse();
     let model = RobotModel::load(&options.assets, "wheelarm")?;
-    let scene = Scene::load(&options.assets, "home")?;
-    let outlines = model.settings.outlines.iter();
-    let outlines = outlines.map(|o| (o.top, Outline { sides: o.footprint }));
+    let scene = match &options.pack {
+        Some(path) => Scene::from_pack(&options.assets, &Arc::new(Pack::open(path)?))?,
+        None => Scene::load(&options.assets, "home")?,
+    };
+    let travel = model.settings.travel.as_ref();
+    let travel = travel.filter(|_| options.posture == "travel");
+    let outlines = travel.map_or(&model.settings.outlines, |travel| &travel.outlines);
+    let outlines = outlines
+        .iter()
+        .map(|o| (o.top, Outline { sides: o.footprint }));
     let mut footprint = FootprintCheck::from_outlines(outlines);
     for obb in scene.furniture.iter().flat_map(collision_boxes) {
         footprint.put(obb.rectangle(), obb.heights());
@@ -88,6 +106,8 @@ fn main() -> Result<()> {
         .map(|_| (place(0.1), place(0.05)))
         .collect();
     let mut times = Vec::new();
+    // Without a way, without a path, and of 10 m and more: number and greatest time, ms.
+    let mut special = [(0, 0.0_f64); 3];
     let (mut nodes, mut found) = (0, 0);
     let (mut costs, mut references, mut waited) = (Vec::new(), Vec::new(), 0.0);
     for (i, (start, stop)) in pairs.iter().enumerate() {
@@ -99,7 +119,18 @@ fn main() -> Result<()> {
         let mut planner =
             RoutePlanner::new(footprint.clone(), Vec::new(), *start, &[], WIDE.margin);
         let route = planner.route(&goals, &[WIDE.radius, TIGHT.radius]);
-        times.push(begin.elapsed().as_secs_f64() * 1e3);
+        let time = begin.elapsed().as_secs_f64() * 1e3;
+        times.push(time);
+        let kind = match &route {
+            Err(RouteError::NotFound { .. }) => Some(1),
+            Err(RouteError::NoWay | RouteError::Collides) => Some(0),
+            Ok(found) if length(&found.path.segments) >= 10.0 => Some(2),
+            Ok(_) => None,
+        };
+        if let Some(kind) = kind {
+            special[kind].0 += 1;
+            special[kind].1 = special[kind].1.max(time);
+        }
         nodes += planner.nodes();
         found += usize::from(route.is_ok());
         if i < options.reference {
@@ -124,6 +155,13 @@ fn main() -> Result<()> {
         at(0.95),
         at(1.0)
     );
+    for ((number, greatest), name) in
+        special
+            .iter()
+            .zip(["without a way", "without a path", "of 10 m and more"])
+    {
+        println!("pairs {name}: {number}, greatest {greatest:.1} ms");
+    }
     println!(
         "reference: {:.0} ms per pair; {} pairs found by both: cost {:.2} s, field {:.2} s",
         waited / options.reference.min(pairs.len()).max(1) as f64 * 1e3,
@@ -132,6 +170,15 @@ fn main() -> Result<()> {
         mean(&costs)
     );
     Ok(())
+}
+
+/// Length of a path, metres.
+fn length(segments: &[Segment]) -> f64 {
+    let rolled = segments.iter().map(|segment| match segment {
+        Segment::Roll { length, .. } => length.abs(),
+        Segment::Turn(_) => 0.0,
+    });
+    rolled.sum()
 }
 
 /// Cost of the best path of the reference, seconds.

@@ -153,6 +153,7 @@ pub fn rejected_field(scenario: &v1::Scenario) -> Option<(&'static str, &'static
         sensors: _,
         time_limit_seconds: _,
         packs: _,
+        draws: _,
     } = scenario;
     [
         ("task", task.is_some(), "list tasks in [[task]]"),
@@ -233,6 +234,11 @@ fn check_values(scenario: &v1::Scenario) -> Result<(), String> {
     divides("imu_rate_hz", scenario.imu_rate_hz, physics)?;
     if let Some(share) = scenario.variant_share.filter(|s| !(0.0..=1.0).contains(s)) {
         return Err(format!("variant_share is {share}; it is a share, 0 to 1"));
+    }
+    if let Some(draws) = scenario.draws.filter(|draws| !(1..=2).contains(draws)) {
+        return Err(format!(
+            "draws is {draws}; it is 1 (ranges of the area) or 2 (floor map and reach map)"
+        ));
     }
     if let Some(style) = &scenario.style {
         Style::from_name(style).map_err(|unknown| unknown.to_string())?;
@@ -455,6 +461,7 @@ fn take_images_and_rates(scenario: &mut v1::Scenario) -> [String; 7] {
         sensors: _,
         time_limit_seconds: _,
         packs: _,
+        draws: _,
     } = scenario;
     cameras.clear();
     *quality = v1::RenderQuality::Unspecified.into();

@@ -6,9 +6,10 @@ use std::f64::consts::TAU;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use wheelarm_proto::exact;
 
-use super::grasp_candidate::{GraspCandidate, LOW};
+use super::grasp_candidate::GraspCandidate;
 use super::habits::Habits;
 use super::scene::SceneModel;
+use wheelarm_planning::arm_access::furthest_at;
 use wheelarm_planning::footprint_check::{Pose2, wrap};
 
 /// Answers whether the end effector can reach poses in `base_link`.
@@ -34,8 +35,6 @@ pub struct BasePlacement {
 const STEP: f64 = 0.025;
 /// A hand from above is best this much nearer than a level one, metres.
 const NEARER: f64 = 0.14;
-/// Greatest distance from the arm's base then, metres.
-const LOW_FURTHEST: f64 = 0.66;
 /// Spacing of the poses of the hand's path that are checked, metres, and greatest change of a
 /// joint between two of them, radians: more means that the arm would have to fold over.
 const USUAL: [f64; 2] = [0.10, 1.0];
@@ -132,10 +131,7 @@ pub fn placements(
             });
         }
         let point = candidate.point(&scene.hand);
-        let furthest = match point.z < LOW {
-            true => furthest.min(LOW_FURTHEST),
-            false => furthest,
-        };
+        let furthest = furthest_at(point.z, furthest);
         let steps = ((furthest - nearest) / STEP).round() as usize;
         // The steeper the hand, the nearer the chair.
         let level = (candidate.grasp.rotation * Vector3::z()).xy().norm();

@@ -4,6 +4,7 @@
 use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use wheelarm_planning::arm_access::{LEVEL_LEANS, LOW, leans};
 use wheelarm_planning::footprint_check::Pose2;
 use wheelarm_proto::exact;
 
@@ -69,21 +70,12 @@ impl GraspCandidate {
 /// Clearances of the hand, metres: the first that leaves a candidate is used. The last
 /// one allows for boxes around round objects.
 pub const MARGINS: [f64; 4] = [0.008, 0.004, 0.0, -0.006];
-/// An object lower than this is taken near by and with a steep hand: the arm reaches down to it
-/// from its shoulder, metres over the floor.
-pub const LOW: f64 = 0.35;
 /// The hand opens wider than the object by this much where possible, metres.
 const ROOM: f64 = 0.034;
 /// Number of sampled turns of a round object.
 const TURNS: u8 = 24;
 /// A grasp may be shallower than specified by this much, metres.
 const BACKOFF: [f64; 4] = [0.0, 0.006, 0.012, 0.018];
-/// Forward leans of a level hand, radians.
-const LEVEL_LEAN: [f64; 4] = [0.0, 0.25, 0.5, 0.75];
-/// Leans of a hand from above, radians: the camera stays above.
-const TOP_LEAN: [f64; 5] = [0.0, -0.25, -0.5, -0.7, -0.9];
-/// Turns about the bar of a hand that closes upright, radians.
-const UPRIGHT_LEAN: [f64; 3] = [0.0, 0.25, -0.25];
 /// Greatest difference in height from the specified grasp, metres.
 const HIGHER: f64 = 0.025;
 /// The pads of a higher or lower grasp keep this far from the object's ends, metres.
@@ -164,31 +156,11 @@ pub fn candidates(
     candidates
 }
 
-/// Angles by which a hand may lean about its closing axis at a grasp, one that is
-/// only `from_above` or any.
-fn leans(house_from_grasp: &Isometry3<f64>, from_above: bool) -> &'static [f64] {
-    let axis = |v: Vector3<f64>| (house_from_grasp.rotation * v).z;
-    let (closing, up, forward) = (axis(Vector3::x()), axis(Vector3::y()), axis(Vector3::z()));
-    if forward < -0.8 {
-        &TOP_LEAN
-    } else if from_above || forward > 0.3 {
-        // Not from below.
-        &[]
-    } else if closing.abs() > 0.8 {
-        &UPRIGHT_LEAN
-    } else if up > 0.3 {
-        &LEVEL_LEAN
-    } else {
-        // Not with the camera below the hand.
-        &[]
-    }
-}
-
 /// The lean that a habit wants among those that are possible, radians.
 fn wanted_lean(leans: &[f64], is_low: bool, share: f64) -> f64 {
     // The steepest ones are for places that are hard to reach, and the arm reaches a low
     // object with no others.
-    let usual = match is_low && leans == LEVEL_LEAN {
+    let usual = match is_low && leans == LEVEL_LEANS {
         true => &leans[2..],
         false => &leans[..leans.len().min(3)],
     };

@@ -1,6 +1,9 @@
 //! Tests of the operator's logic in a world without physics: the chair obeys its
 //! speed profile, the hand its targets, and what is in the closed hand follows.
 
+mod stowed;
+mod unreachable;
+
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::base_placement::{self, ArmReachability, standing};

@@ -6,6 +6,7 @@
 //! Sampling in the server and the scripted operator use the same functions and get the
 //! same result.
 
+pub mod arm_access;
 pub mod distance_field;
 pub mod floor_map;
 pub mod floor_space;

@@ -2,10 +2,11 @@
 //! one start. The report on a home, sampling and the scripted operator ask the same.
 
 use std::collections::BTreeSet;
+use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use super::floor_map::FloorMap;
-use super::footprint_check::Pose2;
+use super::footprint_check::{Pose2, wrap};
 use super::grid::{CellPose, HEADINGS};
 
 /// See the module.
@@ -47,6 +48,16 @@ impl Reached {
         Self { map, parts }
     }
 
+    /// What a chair gets to in a home: from `start`, or the largest connected part where
+    /// that has less than half of its poses. A start in a niche says little of the home.
+    #[must_use]
+    pub fn of_home(map: &Arc<FloorMap>, start: Option<&Pose2>) -> Self {
+        let largest = Self::largest(map.clone());
+        let from_start = start.map(|start| Self::from_start(map.clone(), start));
+        let is_driven = |reached: &Self| !reached.is_empty() && 2 * reached.len() >= largest.len();
+        from_start.filter(is_driven).unwrap_or(largest)
+    }
+
     /// All connected parts: what some chair gets to that starts in them.
     #[must_use]
     pub fn all(map: Arc<FloorMap>) -> Self {
@@ -85,6 +96,31 @@ impl Reached {
         self.len() == 0
     }
 
+    /// Numbers of the poses, rising; [`Reached::pose`] turns one into a pose.
+    #[must_use]
+    pub fn numbers(&self) -> Vec<u32> {
+        let grid = self.map.grid().coarse();
+        let parts = self.map.parts();
+        let is_reached = |number: &u32| {
+            let at = grid.cell_pose(*number as usize);
+            self.parts.contains(&parts.part(&grid, at))
+        };
+        (0..grid.poses() as u32).filter(is_reached).collect()
+    }
+
+    /// The pose with a number, `shares` of a cell along x and y and of a heading from the
+    /// middle, -0.5 to 0.5.
+    #[must_use]
+    pub fn pose(&self, number: u32, shares: [f64; 3]) -> Pose2 {
+        let grid = self.map.grid().coarse();
+        let middle = grid.middle(grid.cell_pose(number as usize));
+        Pose2 {
+            x: middle.x + shares[0] * grid.side(),
+            y: middle.y + shares[1] * grid.side(),
+            heading: wrap(middle.heading + shares[2] * TAU / HEADINGS as f64),
+        }
+    }
+
     /// Side of the cells of [`Reached::places`], metres.
     #[must_use]
     pub fn side(&self) -> f64 {
@@ -115,7 +151,7 @@ impl Reached {
 
 #[cfg(test)]
 mod tests {
-    use super::super::floor_map::tests::{LEFT, RIGHT, two_rooms};
+    use super::super::floor_map::tests::{LEFT, RIGHT, two_rooms, wall};
     use super::*;
 
     fn map(door: f64) -> Arc<FloorMap> {
@@ -149,6 +185,36 @@ mod tests {
         // Beside a wall some headings collide.
         assert!(places.iter().any(|place| !place.turns));
         assert!(reached.len() > places.len());
+    }
+
+    #[test]
+    fn numbered_poses_are_those_of_the_part() {
+        let reached = Reached::from_start(map(0.6), &LEFT);
+        let numbers = reached.numbers();
+        assert_eq!(numbers.len(), reached.len());
+        for number in numbers.iter().step_by(101) {
+            let pose = reached.pose(*number, [0.0; 3]);
+            assert!(reached.contains(&pose) && pose.x < 4.0, "{pose:?}");
+            let aside = reached.pose(*number, [0.49, -0.49, 0.49]);
+            let grid = reached.map().grid().coarse();
+            assert_eq!(grid.pose_at(&aside), grid.pose_at(&pose));
+        }
+    }
+
+    #[test]
+    fn start_in_a_niche_gives_the_largest_part() {
+        // The right room is half as wide as the left one.
+        let mut footprint = two_rooms(0.0);
+        footprint.put(wall([6.0, 8.2], [0.0, 4.0]), [0.0, 2.0]);
+        let mut map = FloorMap::new(&footprint, 0.05, &[]);
+        map.confine(&|[x, y]| (0.0..8.1).contains(&x) && (0.0..4.0).contains(&y));
+        let map = Arc::new(map);
+        let niche = Pose2 { x: 5.0, ..RIGHT };
+        assert!(!Reached::from_start(map.clone(), &niche).is_empty());
+        for start in [None, Some(&niche), Some(&LEFT)] {
+            let reached = Reached::of_home(&map, start);
+            assert!(reached.contains(&LEFT) && !reached.contains(&niche));
+        }
     }
 
     #[test]

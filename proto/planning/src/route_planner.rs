@@ -103,6 +103,12 @@ impl RoutePlanner {
         self.nodes
     }
 
+    /// Whether the chair is collision-free at the start with any of the clearances.
+    #[must_use]
+    pub fn is_start_free(&self) -> bool {
+        !self.clearances.is_empty()
+    }
+
     /// The footprint with all obstacles.
     #[must_use]
     pub fn footprint(&self) -> &FootprintCheck {

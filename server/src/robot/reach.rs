@@ -1,12 +1,15 @@
 //! The reach map of a robot: `wheelarm_planning::reach_map`, computed from its kinematics and
 //! read from the file beside its `robot.toml`.
 
+use std::io::Read;
+use std::path::Path;
+
 use nalgebra::{Isometry3, Vector3};
-use wheelarm_planning::reach_map::{Arm, ReachMap, compute};
+use wheelarm_planning::reach_map::{Arm, FILE_BYTES, ReachMap, compute};
 use wheelarm_proto::digest::Digest;
 
 use super::kinematics::ArmKinematics;
-use super::{ARM_JOINTS, JointKind, RobotModel};
+use super::{ARM_JOINTS, JointKind, RobotError, RobotModel};
 
 /// Tolerance of an upright axis, no unit.
 const UPRIGHT: f64 = 1e-9;
@@ -57,6 +60,43 @@ impl RobotModel {
         let kinematics = ArmKinematics::new(self);
         let length = self.settings.tool_length;
         Ok(compute(&kinematics, mount, length, self.reach_source()))
+    }
+
+    /// Reads the reach map of the robot's folder, `reach.bin`; `None` without that file.
+    ///
+    /// # Errors
+    /// [`RobotError`] when the file is not a reach map of this robot.
+    pub fn read_reach_map(&self, assets: &Path) -> Result<Option<ReachMap>, RobotError> {
+        let path = assets.join("robots").join(&self.name).join("reach.bin");
+        if !path.is_file() {
+            return Ok(None);
+        }
+        let read = || {
+            let mut bytes = Vec::new();
+            // One byte more shows that a file is too large.
+            let most = FILE_BYTES as u64 + 1;
+            std::fs::File::open(&path)?
+                .take(most)
+                .read_to_end(&mut bytes)?;
+            Ok::<_, std::io::Error>(bytes)
+        };
+        let bytes = read().map_err(|source| RobotError::Read {
+            path: path.clone(),
+            source,
+        })?;
+        let invalid = |found: String| RobotError::Invalid {
+            path: path.clone(),
+            object: "reach map".to_owned(),
+            found,
+            expected: "that of robot.urdf and robot.toml; \
+                       `cargo run --release -p wheelarm-tests --example reach_map` writes it"
+                .to_owned(),
+        };
+        let map = ReachMap::from_bytes(&bytes).map_err(|error| invalid(error.to_string()))?;
+        match *map.source() == self.reach_source() {
+            true => Ok(Some(map)),
+            false => Err(invalid("of another URDF or tool length".to_owned())),
+        }
     }
 
     /// Digest of what the reach map is computed from.

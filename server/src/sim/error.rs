@@ -111,6 +111,17 @@ pub enum SimError {
         /// The scenario's seed.
         seed: u64,
     },
+    /// No place of a target within the arm's reach.
+    #[error(
+        "no place in the area {area:?} for the seed {seed} is in the arm's reach from floor that the chair gets to; \
+         clear the floor before it, name another task, or set `draws = 1`"
+    )]
+    NoReach {
+        /// The area.
+        area: String,
+        /// The scenario's seed.
+        seed: u64,
+    },
     /// No sentence in a language split.
     #[error(
         "the grammar has no sentence of the split {split:?} for the task {task:?} in this scene; \
@@ -144,6 +155,7 @@ impl SimError {
             Self::Broken(_)
                 | Self::Panicked(_)
                 | Self::NoStart { .. }
+                | Self::NoReach { .. }
                 | Self::NoRoom { .. }
                 | Self::NoSentence { .. }
                 | Self::Overlap { .. }

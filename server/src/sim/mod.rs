@@ -18,6 +18,8 @@ mod person_guard;
 mod playback;
 #[cfg(test)]
 mod rest_tests;
+#[cfg(test)]
+mod rules_tests;
 mod scenario;
 mod scenario_sampling;
 mod state;
@@ -48,11 +50,13 @@ use crate::sensors::imu::{self, Imu};
 use crate::sensors::models::{self, Device};
 use crate::sensors::odometry::Odometry;
 use crate::snapshot::{BodyRef, Contact, Fault, Snapshot};
-use crate::tasks::{Evaluation, Evaluator, Floor, TaskSpec, stocked};
+use crate::tasks::{Evaluation, Evaluator, Floor, SamplingRules, TaskSpec, stocked};
 use crate::world::{World, WorstOfSoft};
 use arm_balls::ArmBalls;
 use carriers::Carriers;
-use scenario_sampling::{check_pose, generate_instruction, sample_open_values, seated, settled};
+use scenario_sampling::{
+    check_pose, generate_instruction, sample_open_values, sampling_rules, seated, settled,
+};
 
 /// A running simulation.
 pub struct Simulation {
@@ -178,16 +182,30 @@ impl Simulation {
         }
         let seated_person = seated(assets, &mut scenario, &model)?;
         let arm_balls = ArmBalls::new(&model);
-        let open_floor = |scene: &Scene| match &seated_person {
-            None => Floor::new(&model, scene),
-            Some((person, _)) => Floor::occupied(&model, scene, person, |arm| {
-                arm_balls.is_clear(person, &model, arm)
-            }),
+        let rules = sampling_rules(&mut scenario, &scene);
+        let is_sampled = scenario.objects.is_empty() || scenario.start.is_none();
+        let (starts, by_maps) = (scenario.starts, rules == SamplingRules::Maps && is_sampled);
+        let reach = match by_maps {
+            true => model.read_reach_map(assets)?,
+            false => None,
         };
-        let mut floor = match scenario.starts {
-            Starts::Near => None,
-            Starts::Anywhere => Some(open_floor(&scene)),
+        let open_floor = |scene: &Scene| {
+            let floor = match &seated_person {
+                None => Floor::new(&model, scene),
+                Some((person, _)) => Floor::occupied(&model, scene, person, |arm| {
+                    arm_balls.is_clear(person, &model, arm)
+                }),
+            };
+            match by_maps {
+                true => floor.by_maps(scene, reach.clone(), starts),
+                false => floor,
+            }
         };
+        let needs_floor = match rules {
+            SamplingRules::Ranges => starts == Starts::Anywhere,
+            SamplingRules::Maps => is_sampled,
+        };
+        let mut floor = needs_floor.then(|| open_floor(&scene));
         let drawn = task
             .as_ref()
             .zip(variant.as_ref())

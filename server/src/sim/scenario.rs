@@ -13,7 +13,7 @@ use crate::robot::ARM_JOINTS;
 use crate::scene::{Placement, Resistance};
 pub use crate::sensors::models::SensorSetting;
 use crate::sensors::{BadRate, Schedule};
-use crate::tasks::Language;
+use crate::tasks::{Language, SamplingRules};
 
 use super::disturb::Disturbances;
 
@@ -131,6 +131,8 @@ pub struct Scenario {
     pub time_limit: Option<f64>,
     /// World pack of the scene.
     pub pack: ScenePack,
+    /// Rules of sampling; `None`: those of the scene.
+    pub draws: Option<SamplingRules>,
     /// Requested values that the simulation has replaced. Resampling starts from these.
     pub requested: Requested,
 }
@@ -194,6 +196,8 @@ pub struct Requested {
     pub person: Option<PersonSetting>,
     /// The time limit is computed from path and style.
     pub open_limit: bool,
+    /// The rules of sampling are those of the scene.
+    pub open_draws: bool,
 }
 
 /// Name of a camera setting that applies to every robot camera without its own setting.
@@ -242,6 +246,7 @@ impl Default for Scenario {
             style: Style::Quick,
             time_limit: None,
             pack: ScenePack::Search,
+            draws: None,
             requested: Requested::default(),
         }
     }
@@ -359,6 +364,7 @@ impl Scenario {
             knuckle,
             person,
             time_limit,
+            draws,
             requested,
             scene: _,
             task: _,
@@ -395,6 +401,9 @@ impl Scenario {
         person.clone_from(&requested.person);
         if requested.open_limit {
             *time_limit = Some(0.0);
+        }
+        if std::mem::take(&mut requested.open_draws) {
+            *draws = None;
         }
     }
 
@@ -437,6 +446,7 @@ impl Scenario {
             disturbances: _,
             style: _,
             time_limit: _,
+            draws: _,
             requested: _,
             pack,
         } = self;

@@ -12,7 +12,7 @@ use super::scenario::{SOFT_MASS, Scenario, ScenarioError};
 use crate::people::{Motion, Person};
 use crate::robot::{ARM_JOINTS, RobotModel};
 use crate::scene::{Body, Placement, Scene};
-use crate::tasks::{self, Floor, SceneSample, TaskSample, TaskSpec, Variant};
+use crate::tasks::{self, Floor, SamplingRules, SceneSample, TaskSample, TaskSpec, Variant};
 
 /// The variant of a task's area: the named one, else the one whose objects the scenario
 /// places, else a sampled one.
@@ -60,6 +60,15 @@ pub(super) fn settled(
     Ok(task.settled(variant, scene, scenario.seed, &scenario.target)?)
 }
 
+/// The rules of sampling, which the scenario then states.
+pub(super) fn sampling_rules(scenario: &mut Scenario, scene: &Scene) -> SamplingRules {
+    let open = scenario.draws.is_none();
+    scenario.requested.open_draws |= open;
+    *scenario
+        .draws
+        .get_or_insert_with(|| SamplingRules::of_scene(scene))
+}
+
 /// Fills in open placements, target, start pose and instruction, and removes missing
 /// objects from the scene. Returns for each object whether the scenario's placement
 /// differs from the sampled one.
@@ -103,6 +112,12 @@ pub(super) fn sample_open_values(
         let area = || task.area.name.clone();
         if scenario.start.is_none() && !drawn.scene.has_start {
             return Err(SimError::NoStart {
+                area: area(),
+                seed: scenario.seed,
+            });
+        }
+        if tells_none && !drawn.scene.has_reach {
+            return Err(SimError::NoReach {
                 area: area(),
                 seed: scenario.seed,
             });
@@ -269,6 +284,7 @@ fn undisturbed(scene: &Scene) -> TaskSample {
             attempts: 0,
             clearance: 0.0,
             has_start: true,
+            has_reach: true,
             rejected_starts: 0,
             surroundings: Vec::new(),
         },

@@ -26,7 +26,7 @@ pub(super) fn choose(
         return;
     };
     let sees = |start: &Isometry3<f64>| view.sees(start);
-    let draw = (scenario.seed, scenario.starts);
+    let draw = (scenario.seed, scenario.starts, scenario.arm);
     if let Some(start) = floor.start_in_view(&task.area, variant, scene, draw, &sees) {
         scenario.start = Some(start);
     }

@@ -2,11 +2,14 @@
 //! leaning or behind others by their probabilities, with room for the hand at every
 //! possible target.
 
+use std::cell::Cell;
+
 use nalgebra::Isometry3;
 use rand_chacha::ChaCha8Rng;
 
 use super::area::{PlaceSpec, Range, Variant};
 use super::grasp_clearance;
+use super::grasp_reach::GraspReach;
 use super::placement_clearance::{Clearance, PlacedOutline};
 use super::random::{fraction, index, number, shuffle};
 use super::rest::{self, Rest, Support, grounded, lying};
@@ -51,6 +54,13 @@ pub(super) struct Arrangement<'a> {
     clearance: Clearance<'a>,
     items: Vec<Item<'a>>,
     regions: Vec<&'a Surface>,
+    reach: Option<ReachLimit<'a>>,
+}
+
+/// The reach test of possible targets, and how many places may fail it.
+struct ReachLimit<'a> {
+    reach: GraspReach<'a>,
+    misses_left: Cell<u32>,
 }
 
 /// A sampled pose, and the object that carries or supports it, if not the surface.
@@ -84,7 +94,22 @@ impl<'a> Arrangement<'a> {
             regions: regions
                 .filter_map(|name| scene.surface_named(name, None))
                 .collect(),
+            reach: None,
         }
+    }
+
+    /// The same with every possible target where the robot grasps it, until `misses` sampled
+    /// places are out of reach.
+    pub(super) fn in_reach(self, reach: GraspReach<'a>, misses: u32) -> Self {
+        let misses_left = Cell::new(misses);
+        let reach = Some(ReachLimit { reach, misses_left });
+        Self { reach, ..self }
+    }
+
+    /// Whether too many places were out of reach.
+    pub(super) fn is_out_of_reach(&self) -> bool {
+        let reach = self.reach.as_ref();
+        reach.is_some_and(|reach| reach.misses_left.get() == 0)
     }
 
     /// Places every object once, in random order, and returns the remaining room.
@@ -109,6 +134,9 @@ impl<'a> Arrangement<'a> {
             let rest = Rest::sample(&item.place.rest, random);
             let mut best = (None, f64::NEG_INFINITY);
             for _ in 0..TRIES {
+                if self.is_out_of_reach() {
+                    break;
+                }
                 let (pose, holder) = self
                     .rested(random, rest, item, &order[..placed], &placements)
                     .unwrap_or_else(|| (self.upright(random, item), None));
@@ -257,7 +285,25 @@ impl<'a> Arrangement<'a> {
                 least = least.min(room);
             }
         }
-        least
+        match least >= 0.0 && !self.is_reached(item, placements) {
+            true => -1.0,
+            false => least,
+        }
+    }
+
+    /// Whether the robot grasps a possible target where it is.
+    fn is_reached(&self, item: &Item<'_>, placements: &[Option<Placement>]) -> bool {
+        let Some((limit, placement)) = self.reach.as_ref().zip(placements[item.object]) else {
+            return true;
+        };
+        let body = &self.scene.objects[item.object];
+        let is_reached = !item.place.is_certain()
+            || (limit.reach).can_grasp(body, &placement.pose, item.surface);
+        if !is_reached {
+            let left = limit.misses_left.get();
+            limit.misses_left.set(left.saturating_sub(1));
+        }
+        is_reached
     }
 }
 

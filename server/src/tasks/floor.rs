@@ -1,21 +1,27 @@
 //! Starts anywhere: poses where the chair fits in the home and from which a path to an
-//! area exists.
+//! area exists. By the first rules of sampling each is searched for; by the maps
+//! ([`Floor::by_maps`]) they are sampled from the floor map.
 
 use std::f64::consts::PI;
 
-use nalgebra::{Isometry3, Translation3, Vector3};
-use wheelarm_planning::floor_map::DRIVE_CLEARANCE;
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use wheelarm_pack::Indoors;
+use wheelarm_planning::arm_access::FURTHEST;
+use wheelarm_planning::floor_map::{DRIVE_CLEARANCE, STOWED_CLEARANCE};
 use wheelarm_planning::footprint_check::{FootprintCheck, Limb, Outline, Pose2, occupied};
 use wheelarm_planning::hybrid_a_star::{self, PathPreferences};
 use wheelarm_planning::obb::Obb;
+use wheelarm_planning::reach_map::ReachMap;
 use wheelarm_proto::exact;
 use wheelarm_proto::furniture::JointMotion;
 use wheelarm_proto::settings::Starts;
 
-use super::area::{AreaSpec, Range, Variant};
+use super::area::{AreaSpec, Range, StartSpec, Variant};
+use super::drivable::{Drivable, Posture};
+use super::grasp_reach::{GraspReach, Solid};
 use super::random::{index, number, stream};
 use crate::people::{Capsule, HeadPose, Person};
-use crate::robot::RobotModel;
+use crate::robot::{OutlineSettings, RobotModel};
 use crate::scene::{Body, Scene};
 
 /// Clearance around the chair at its start, metres.
@@ -54,6 +60,41 @@ pub struct Floor {
     postures: Vec<[f64; 6]>,
     /// Knuckle angle of the closed gripper, radians.
     closed: f64,
+    /// The travel posture, where the arm is clear of the person in it: outlines of the
+    /// robot, and positions of the arm, radians.
+    travel: Option<(Vec<(f64, Outline)>, [f64; 6])>,
+    /// Least and greatest distance from the arm's base to a grasp, metres.
+    range: [f64; 2],
+    maps: Option<Maps>,
+}
+
+/// What sampling by the maps needs.
+#[derive(Clone, Debug)]
+struct Maps {
+    /// Whether starts are anywhere; otherwise they are near.
+    is_anywhere: bool,
+    /// The chair in the travel posture among the furniture.
+    travel: Option<FootprintCheck>,
+    /// Boxes of the furniture.
+    solids: Vec<Solid>,
+    /// The arm's reach; `None` for a robot without a reach map.
+    reach: Option<ReachMap>,
+    /// The inside of the home; `None` where the scene has no rooms.
+    indoors: Option<Indoors>,
+    /// Bounds of the floor: x min, x max, y min, y max, metres.
+    floor: Option<[f64; 4]>,
+    /// Start of the scene.
+    home: Pose2,
+}
+
+impl Maps {
+    /// Whether a start may be at a place.
+    fn is_inside(&self, place: &Pose2) -> bool {
+        match &self.indoors {
+            Some(indoors) => indoors.contains([place.x, place.y]),
+            None => self.floor.is_none_or(|bounds| is_within(bounds, place)),
+        }
+    }
 }
 
 /// Start of the robot.
@@ -72,12 +113,17 @@ impl Floor {
     #[must_use]
     pub fn new(model: &RobotModel, scene: &Scene) -> Self {
         let settings = &model.settings;
+        let travel = settings.travel.as_ref();
+        let reach = &settings.reach;
         Self {
-            check: footprint_check(model, scene, &[]),
+            check: footprint_check(occupied(&outlines(&settings.outlines), &[]), scene),
             empty: None,
             home: settings.home,
             postures: settings.postures.clone(),
             closed: settings.gripper.closed,
+            travel: travel.map(|travel| (outlines(&travel.outlines), travel.joints)),
+            range: [reach.nearest, reach.furthest.min(FURTHEST)],
+            maps: None,
         }
     }
 
@@ -108,12 +154,119 @@ impl Floor {
             })
         };
         let postures = empty.postures.iter().copied().filter(way_home);
+        let postures = postures.collect();
+        let travel = empty.travel.as_ref().filter(|(_, arm)| way_home(arm));
+        let travel = travel.map(|(outlines, arm)| (occupied(outlines, &limbs), *arm));
+        let of_robot = outlines(&model.settings.outlines);
         Self {
-            check: footprint_check(model, scene, &limbs),
-            postures: postures.collect(),
+            check: footprint_check(occupied(&of_robot, &limbs), scene),
+            postures,
+            travel,
             empty: Some(empty.check),
             ..empty
         }
+    }
+
+    /// The same floor for sampling by the maps: starts are uniform over the floor from which
+    /// the area is reached, and objects are in the arm's `reach` from there.
+    #[must_use]
+    pub fn by_maps(self, scene: &Scene, reach: Option<ReachMap>, starts: Starts) -> Self {
+        let travel = self.travel.as_ref();
+        let travel = travel.map(|(outlines, _)| footprint_check(outlines.clone(), scene));
+        let solids = scene.furniture.iter().enumerate();
+        let solids = solids.flat_map(|(furniture, body)| {
+            collision_boxes(body).map(move |obb| Solid {
+                furniture,
+                outline: obb.rectangle(),
+                heights: obb.heights(),
+            })
+        });
+        let home = scene.pack.as_ref().and_then(|pack| pack.home());
+        let maps = Maps {
+            is_anywhere: starts == Starts::Anywhere,
+            travel,
+            solids: solids.collect(),
+            reach,
+            indoors: home.and_then(Indoors::of),
+            floor: floor_bounds(scene),
+            home: on_floor(&scene.start),
+        };
+        Self {
+            maps: Some(maps),
+            ..self
+        }
+    }
+
+    /// Whether starts are sampled anywhere.
+    pub(super) fn is_anywhere(&self) -> bool {
+        self.maps.as_ref().is_none_or(|maps| maps.is_anywhere)
+    }
+
+    /// The floor that the chair gets to from the near start of an area; `None` without maps.
+    pub(super) fn drivable(&self, area: &AreaSpec) -> Option<Drivable> {
+        let maps = self.maps.as_ref()?;
+        let home = (Posture::Home, self.check.clone(), DRIVE_CLEARANCE);
+        let travel = maps.travel.clone();
+        let travel = travel.map(|footprint| (Posture::Travel, footprint, STOWED_CLEARANCE));
+        let near = middle(&area.start);
+        Some(Drivable::new(
+            [home].into_iter().chain(travel),
+            &near,
+            &maps.home,
+        ))
+    }
+
+    /// The test whether objects are in the arm's reach from a floor; `None` without a reach
+    /// map.
+    pub(super) fn grasp_reach<'a>(&'a self, drivable: &'a Drivable) -> Option<GraspReach<'a>> {
+        let maps = self.maps.as_ref()?;
+        Some(GraspReach {
+            reach: maps.reach.as_ref()?,
+            range: self.range,
+            drivable,
+            solids: &maps.solids,
+        })
+    }
+
+    /// Samples a start uniformly over the floor that the chair gets to. The arm is in the
+    /// travel posture where the chair is not free with the arm at home. With `stowed`, only
+    /// poses of the travel posture, or only the others.
+    fn start_on_maps(
+        &self,
+        area: &AreaSpec,
+        seed: u64,
+        stowed: Option<bool>,
+        accepts: &dyn Fn(&Isometry3<f64>) -> bool,
+    ) -> Option<Start> {
+        let maps = self.maps.as_ref()?;
+        let drivable = self.drivable(area)?;
+        let accepts = |pose: &Pose2, posture| {
+            maps.is_inside(pose)
+                && stowed.is_none_or(|stowed| stowed == (posture == Posture::Travel))
+                && accepts(&standing(pose))
+        };
+        let mut random = stream(&area.name, seed, "anywhere on the maps");
+        let (pose, posture) = drivable.sample(&mut random, &accepts)?;
+        let (arm, knuckle) = self.sampled_posture(area, seed);
+        let arm = match (posture, &self.travel) {
+            (Posture::Travel, Some((_, travel))) => *travel,
+            _ => arm,
+        };
+        Some(Start {
+            pose: standing(&pose),
+            arm: Some(arm),
+            knuckle: Some(knuckle),
+            rejected: 0,
+        })
+    }
+
+    /// Positions of the arm and of the knuckle that a seed samples, radians.
+    fn sampled_posture(&self, area: &AreaSpec, seed: u64) -> ([f64; 6], f64) {
+        let mut random = stream(&area.name, seed, "posture");
+        // Home is the last; it is clear of every person who fits the chair.
+        let posture = index(&mut random, self.postures.len() + 1);
+        let arm = self.postures.get(posture).copied().unwrap_or(self.home);
+        (arm, [0.0, self.closed][index(&mut random, 2)])
     }
 
     /// Samples a start uniformly over the poses where the chair fits with clearance and
@@ -126,7 +279,10 @@ impl Floor {
         scene: &Scene,
         seed: u64,
     ) -> Option<Start> {
-        self.start_where(area, variant, scene, seed, &|_| true)
+        match &self.maps {
+            Some(_) => self.start_on_maps(area, seed, None, &|_| true),
+            None => self.start_where(area, variant, scene, seed, &|_| true),
+        }
     }
 
     /// As `start`, restricted to poses that `accepts` holds for.
@@ -139,12 +295,8 @@ impl Floor {
         accepts: &dyn Fn(&Isometry3<f64>) -> bool,
     ) -> Option<Start> {
         let goal = self.stop(area, variant, scene)?;
-        let mut random = stream(&area.name, seed, "posture");
         let mut rejected = 0;
-        // Home is the last; it is clear of every person who fits the chair.
-        let posture = index(&mut random, self.postures.len() + 1);
-        let arm = self.postures.get(posture).copied().unwrap_or(self.home);
-        let knuckle = [0.0, self.closed][index(&mut random, 2)];
+        let (arm, knuckle) = self.sampled_posture(area, seed);
         let mut random = stream(&area.name, seed, "anywhere");
         let [x0, x1, y0, y1] = self.check.bounds();
         let range = |min, max| Range { min, max };
@@ -184,16 +336,22 @@ impl Floor {
         None
     }
 
-    /// Samples a start that `sees` the target: anywhere, or near the area with its own
-    /// heading. `None` when none was found.
+    /// Samples a start that `sees` the target with the arm at these positions, radians:
+    /// anywhere, or near the area with its own heading. `None` when none was found.
     pub(crate) fn start_in_view(
         &self,
         area: &AreaSpec,
         variant: &Variant,
         scene: &Scene,
-        (seed, starts): (u64, Starts),
+        (seed, starts, arm): (u64, Starts, Option<[f64; 6]>),
         sees: &dyn Fn(&Isometry3<f64>) -> bool,
     ) -> Option<Isometry3<f64>> {
+        if starts == Starts::Anywhere && self.maps.is_some() {
+            let travel = self.travel.as_ref().map(|(_, travel)| *travel);
+            let stowed = arm.is_some() && arm == travel;
+            let start = self.start_on_maps(area, seed, Some(stowed), sees);
+            return Some(start?.pose);
+        }
         if starts == Starts::Anywhere {
             // Few places have the target in view: continue the stream.
             let tries = (0..SEEN_TRIES).map(|more| seed ^ (more << 48));
@@ -259,24 +417,17 @@ impl Floor {
         scene: &Scene,
     ) -> Option<f64> {
         let goal = self.stop(area, variant, scene)?;
-        let forward = start.rotation * Vector3::x();
-        let start = Pose2 {
-            x: start.translation.x,
-            y: start.translation.y,
-            heading: exact::atan2(forward.y, forward.x),
-        };
+        let start = on_floor(start);
+        if let Some(drivable) = self.drivable(area) {
+            return drivable.seconds(&start, &goal);
+        }
         let path = hybrid_a_star::rough_path(&self.check, start, goal, &PREFERENCES, NODES)?;
         Some(path.cost)
     }
 
-    /// Whether a place is on the floor, which is the first piece of furniture.
+    /// Whether a place is on the floor.
     fn is_inside(&self, scene: &Scene, place: &Pose2) -> bool {
-        let floor = scene.furniture.first();
-        let bounds = floor.and_then(|floor| floor.collision_bounds(&floor.pose));
-        bounds.is_none_or(|bounds| {
-            (bounds.min.x..=bounds.max.x).contains(&place.x)
-                && (bounds.min.y..=bounds.max.y).contains(&place.y)
-        })
+        floor_bounds(scene).is_none_or(|bounds| is_within(bounds, place))
     }
 
     /// The pose at which the chair would stop in front of an area, facing it.
@@ -315,24 +466,72 @@ impl Floor {
     }
 }
 
-/// Footprint check of the chair against the furniture of `scene`, including the
-/// person's limbs.
-fn footprint_check(model: &RobotModel, scene: &Scene, limbs: &[Limb]) -> FootprintCheck {
-    let outlines = model.settings.outlines.iter();
-    let outlines: Vec<_> = outlines
-        .map(|o| (o.top, Outline { sides: o.footprint }))
-        .collect();
-    let mut check = FootprintCheck::from_outlines(occupied(&outlines, limbs));
+/// Outlines by height, bottom up.
+fn outlines(settings: &[OutlineSettings]) -> Vec<(f64, Outline)> {
+    let outline = |o: &OutlineSettings| (o.top, Outline { sides: o.footprint });
+    settings.iter().map(outline).collect()
+}
+
+/// Bounds of the floor, which is the first piece of furniture: x min, x max, y min, y max,
+/// metres.
+fn floor_bounds(scene: &Scene) -> Option<[f64; 4]> {
+    let floor = scene.furniture.first()?;
+    let bounds = floor.collision_bounds(&floor.pose)?;
+    Some([bounds.min.x, bounds.max.x, bounds.min.y, bounds.max.y])
+}
+
+fn is_within([x0, x1, y0, y1]: [f64; 4], place: &Pose2) -> bool {
+    (x0..=x1).contains(&place.x) && (y0..=y1).contains(&place.y)
+}
+
+/// A pose of the chair on the floor plan.
+fn on_floor(pose: &Isometry3<f64>) -> Pose2 {
+    let forward = pose.rotation * Vector3::x();
+    Pose2 {
+        x: pose.translation.x,
+        y: pose.translation.y,
+        heading: exact::atan2(forward.y, forward.x),
+    }
+}
+
+/// `wheelchair_root` in `house` at a pose on the floor plan.
+fn standing(pose: &Pose2) -> Isometry3<f64> {
+    let (sin, cos) = exact::sin_cos(pose.heading / 2.0);
+    Isometry3::from_parts(
+        Translation3::new(pose.x, pose.y, 0.0),
+        UnitQuaternion::new_normalize(Quaternion::new(cos, 0.0, 0.0, sin)),
+    )
+}
+
+/// The middle of the ranges of a near start.
+fn middle(start: &StartSpec) -> Pose2 {
+    let middle = |range: Range| f64::midpoint(range.min, range.max);
+    Pose2 {
+        x: middle(start.x),
+        y: middle(start.y),
+        heading: middle(start.yaw),
+    }
+}
+
+/// Footprint check of a chair with these outlines against the furniture of `scene`.
+fn footprint_check(outlines: Vec<(f64, Outline)>, scene: &Scene) -> FootprintCheck {
+    let mut check = FootprintCheck::from_outlines(outlines);
     for (index, body) in scene.furniture.iter().enumerate() {
-        let mut out = body.clone();
-        if let Some(joint) = scene.joint_of(index) {
+        let out = scene.joint_of(index).map(|joint| {
             let ajar = match joint.motion {
                 JointMotion::Slides => AJAR,
                 JointMotion::Turns => AJAR_TURN.min(joint.travel),
             };
-            out.pose = joint.pose(&out.pose, ajar);
-        }
-        for obb in collision_boxes(body).chain(collision_boxes(&out)) {
+            Body {
+                pose: joint.pose(&body.pose, ajar),
+                ..body.clone()
+            }
+        });
+        for obb in [Some(body), out.as_ref()]
+            .into_iter()
+            .flatten()
+            .flat_map(collision_boxes)
+        {
             check.put(obb.rectangle(), obb.heights());
         }
     }

@@ -7,6 +7,8 @@
 //! - `home_query` reads a task without an area: queries for places of a home
 //!   (`place_query`) and for objects of the `stock`.
 //! - `scene_sampling` samples a scene from area and seed, independent of the task.
+//! - `scene_sampling` samples a scene from area and seed, independent of the task. By the
+//!   rules of `sampling_rules`, `floor`, `drivable` and `grasp_reach` limit starts and objects.
 //! - `task_sampling` then selects a target in it, and `sentence` generates an
 //!   instruction by the grammar when a scenario requests one.
 //! - `evaluate` evaluates snapshots by the `predicates` of the template.
@@ -21,12 +23,14 @@ mod care_tests;
 mod condition;
 mod condition_spec;
 mod context;
+mod drivable;
 mod evaluate;
 mod failure;
 mod file;
 mod floor;
 mod goal;
 mod grasp_clearance;
+mod grasp_reach;
 mod home_query;
 mod home_sites;
 mod load;
@@ -39,6 +43,7 @@ mod random;
 #[cfg(test)]
 mod reach_tests;
 mod rest;
+mod sampling_rules;
 mod scene_sampling;
 mod sentence;
 mod spec;
@@ -56,6 +61,7 @@ pub use failure::Failure;
 pub use floor::{Floor, collision_boxes};
 pub use goal::Goal;
 pub use load::{list, stocked, usable};
+pub use sampling_rules::SamplingRules;
 pub use scene_sampling::{SceneSample, sample_scene};
 pub use sentence::{Language, POLITENESS, sentence};
 pub use spec::{FailureSpec, TaskSpec, WaitSpec};

@@ -11,11 +11,17 @@ use nalgebra::{Isometry3, Vector3};
 use super::area::{AreaSpec, Variant};
 use super::arrangement::Arrangement;
 use super::floor::{Floor, Start};
+use super::grasp_reach::GraspReach;
 use super::random::{fraction, number, stream};
 use crate::scene::{Body, Placement, Resistance, Scene};
 
 /// Sampled scenes before the best one is used.
 const ATTEMPTS: usize = 400;
+/// Places of possible targets out of the arm's reach before an area counts as out of reach:
+/// where a twentieth of the places is in reach, one scene in two thousand is missed.
+const OWN_MISSES: u32 = 150;
+/// The same of the other areas of the home.
+const OTHER_MISSES: u32 = 20;
 
 /// A sampled scene of an area, the same for all its tasks.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,6 +44,8 @@ pub struct SceneSample {
     pub clearance: f64,
     /// A start was found, if requested.
     pub has_start: bool,
+    /// Every possible target is in the arm's reach from free floor, if requested.
+    pub has_reach: bool,
     /// Start poses that were rejected because of the person (count).
     pub rejected_starts: u32,
     /// Names of the other areas that were sampled.
@@ -77,7 +85,7 @@ pub fn variant<'a>(
 
 /// Samples a scene. The same seed gives the same scene on any machine. `scene` contains
 /// the optional furniture of the variant and no other; with a `floor` the robot starts
-/// anywhere on it.
+/// anywhere on it, and with its maps objects are where the robot grasps them.
 #[must_use]
 pub fn sample_scene(
     area: &AreaSpec,
@@ -96,7 +104,8 @@ pub fn sample_scene(
         ),
         Vector3::z() * number(&mut near, area.start.yaw),
     );
-    let anywhere = floor.map(|floor| floor.start(area, variant, scene, seed));
+    let anywhere = floor.filter(|floor| floor.is_anywhere());
+    let anywhere = anywhere.map(|floor| floor.start(area, variant, scene, seed));
     let has_start = anywhere.as_ref().is_none_or(Option::is_some);
     let start = match anywhere.flatten() {
         Some(start) => start,
@@ -127,10 +136,16 @@ pub fn sample_scene(
             }
         }
     }
-    let mut placed = Placed::new(area, scene);
-    placed.add(area, variant, scene, seed);
+    let drivable = floor.and_then(|floor| floor.drivable(area));
+    let reach = floor.zip(drivable.as_ref());
+    let reach = reach.and_then(|(floor, drivable)| floor.grasp_reach(drivable));
+    let mut placed = Placed::new(area, scene, reach);
+    let has_reach = placed.add(area, variant, seed, OWN_MISSES);
     for (area, variant) in &around {
-        placed.add(area, variant, scene, seed);
+        if !placed.add(area, variant, seed, OTHER_MISSES) {
+            // The task needs none of these.
+            placed.add_anywhere(area, variant, seed);
+        }
     }
     SceneSample {
         placements: placed.placements,
@@ -142,6 +157,7 @@ pub fn sample_scene(
         attempts: placed.attempts,
         clearance: placed.clearance,
         has_start,
+        has_reach,
         rejected_starts: start.rejected,
         surroundings: around.iter().map(|(area, _)| area.name.clone()).collect(),
     }
@@ -172,15 +188,17 @@ fn surroundings(area: &AreaSpec, seed: u64) -> Vec<(&AreaSpec, &Variant)> {
 }
 
 /// The placed objects, area by area.
-struct Placed {
+struct Placed<'a> {
+    scene: &'a Scene,
+    reach: Option<GraspReach<'a>>,
     placements: Vec<Option<Placement>>,
     attempts: usize,
     clearance: f64,
 }
 
-impl Placed {
+impl<'a> Placed<'a> {
     /// Objects that no area names are at their place in the scene.
-    fn new(area: &AreaSpec, scene: &Scene) -> Self {
+    fn new(area: &AreaSpec, scene: &'a Scene, reach: Option<GraspReach<'a>>) -> Self {
         let areas = || [area].into_iter().chain(&area.surroundings);
         let is_named = |body: &Body| {
             let mut variants = areas().flat_map(|area| &area.variants);
@@ -189,21 +207,45 @@ impl Placed {
         let fixed =
             |body: &Body| (!body.optional && !is_named(body)).then(|| Placement::from_body(body));
         Self {
+            scene,
+            reach,
             placements: scene.objects.iter().map(fixed).collect(),
             attempts: 0,
             clearance: f64::INFINITY,
         }
     }
 
-    /// Places the objects of one more area, and retries until there is room.
-    fn add(&mut self, area: &AreaSpec, variant: &Variant, scene: &Scene, seed: u64) {
+    /// Places the objects of one more area, and retries until there is room. Adds nothing and
+    /// returns false after `misses` places of possible targets out of the arm's reach.
+    fn add(&mut self, area: &AreaSpec, variant: &Variant, seed: u64, misses: u32) -> bool {
+        self.arrange(area, variant, seed, self.reach.zip(Some(misses)))
+    }
+
+    /// The same without regard to the arm's reach.
+    fn add_anywhere(&mut self, area: &AreaSpec, variant: &Variant, seed: u64) {
+        self.arrange(area, variant, seed, None);
+    }
+
+    fn arrange(
+        &mut self,
+        area: &AreaSpec,
+        variant: &Variant,
+        seed: u64,
+        reach: Option<(GraspReach<'_>, u32)>,
+    ) -> bool {
         let mut random = stream(&area.name, seed, "places");
         let taken: Vec<bool> = self.placements.iter().map(Option::is_some).collect();
-        let arrangement = Arrangement::new(&area.hand, variant, scene, &taken);
+        let mut arrangement = Arrangement::new(&area.hand, variant, self.scene, &taken);
+        if let Some((reach, misses)) = reach {
+            arrangement = arrangement.in_reach(reach, misses);
+        }
         let mut best: Option<(Vec<Option<Placement>>, f64)> = None;
         for _ in 0..ATTEMPTS {
             self.attempts += 1;
             let (placements, clearance) = arrangement.attempt(&mut random, &self.placements);
+            if arrangement.is_out_of_reach() {
+                return false;
+            }
             if best.as_ref().is_none_or(|(_, most)| clearance > *most) {
                 best = Some((placements, clearance));
             }
@@ -215,5 +257,6 @@ impl Placed {
             self.placements = placements;
             self.clearance = self.clearance.min(clearance);
         }
+        true
     }
 }

@@ -1,6 +1,8 @@
 //! Samples one start of a task from a seed: the scene of its area, independent of the
 //! task, then the target and the sentence.
 
+use nalgebra::Translation3;
+
 use super::area::Variant;
 use super::floor::Floor;
 use super::random::{index, stream};
@@ -41,7 +43,7 @@ pub fn sample(
     seed: u64,
     floor: Option<&Floor>,
 ) -> TaskSample {
-    let drawn = sample_scene(&spec.area, variant, scene, seed, floor);
+    let mut drawn = sample_scene(&spec.area, variant, scene, seed, floor);
     let mut random = stream(&spec.area.name, seed, &format!("task {}", spec.name));
     let mut one_of = |choices: &[String]| {
         let chosen = index(&mut random, choices.len());
@@ -49,12 +51,28 @@ pub fn sample(
     };
     let target = one_of(&spec.targets);
     let sentence = one_of(&spec.instructions);
+    drawn.has_reach &= floor.is_none_or(|floor| is_goal_reached(spec, scene, &target, floor));
     let instruction = in_words(&sentence, spec, variant, scene, &drawn, &target);
     TaskSample {
         scene: drawn,
         target,
         instruction,
     }
+}
+
+/// Whether the robot puts the target down in the middle of the task's region, if the task has
+/// one and the floor has maps.
+fn is_goal_reached(spec: &TaskSpec, scene: &Scene, target: &str, floor: &Floor) -> bool {
+    let check = || {
+        let region = spec.region(scene)?;
+        let body = &scene.objects[scene.object_named(target)?];
+        let drivable = floor.drivable(&spec.area)?;
+        let reach = floor.grasp_reach(&drivable)?;
+        let raised = Translation3::new(0.0, 0.0, body.standing_height());
+        let at = region.centre().translation * raised;
+        Some(reach.can_put(body, &at.into(), region))
+    };
+    check().unwrap_or(true)
 }
 
 /// The sentence with the target's position among similar objects, counted by a person

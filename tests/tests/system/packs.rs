@@ -90,7 +90,13 @@ fn recording_in_a_pack_replays_without_its_folder_with_equal_hashes_and_images()
     assert!(episode.summary().expect("a summary").success);
 
     // The scenario and the file name and hold the pack.
-    let recorded = episode.scenario().expect("a scenario").packs;
+    let scenario = episode.scenario().expect("a scenario");
+    assert_eq!(
+        scenario.draws,
+        Some(2),
+        "rules of sampling of a home with rooms"
+    );
+    let recorded = scenario.packs;
     assert_eq!(recorded.len(), 1);
     assert_eq!(recorded[0].physics_digest, to_hex(&pack.id().physics));
     assert_eq!(recorded[0].rendering_digest, to_hex(&pack.id().rendering));
@@ -234,6 +240,7 @@ fn scenario_that_names_another_pack_is_refused_with_both_digests() {
     let scenario = reply.scenario.expect("a scenario");
     assert_eq!(scenario.packs[0].physics_digest, right);
     assert_eq!(scenario.objects[0].name, "jar_1");
+    assert_eq!(scenario.draws, Some(2));
     // A seed alone keeps the pack; another scene has none.
     let again = reset(v1::Scenario {
         seed: Some(3),
@@ -248,7 +255,8 @@ fn scenario_that_names_another_pack_is_refused_with_both_digests() {
         task: Some("pick_mustard".into()),
         ..v1::Scenario::default()
     });
-    assert_eq!(home.expect("a reset").scenario.expect("one").packs, []);
+    let home = home.expect("a reset").scenario.expect("one");
+    assert_eq!((home.packs.len(), home.draws), (0, Some(1)));
     let error = reset(v1::Scenario {
         scene: "castle".into(),
         ..v1::Scenario::default()

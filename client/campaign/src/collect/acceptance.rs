@@ -156,6 +156,7 @@ fn check_settings(recorded: &v1::Scenario, requested: &v1::Scenario) -> anyhow::
         starts: _,
         variant: _,
         variant_share: _,
+        draws: _,
         time_limit_seconds: _,
         // Sampled by the server where the plan names none.
         objects: _,

@@ -27,6 +27,7 @@ use super::profile::OperatorProfile;
 use super::scene::SceneModel;
 pub use super::skill::Act;
 use super::skill::fumble::Fumble;
+use super::skill::stow::Stow;
 use super::skill::{Memory, Now, Skill, Step};
 
 /// Result of the work.
@@ -96,6 +97,8 @@ pub struct Operator {
     longest: f64,
     /// The hand is not brought home first, as long as that works.
     on_the_spot: bool,
+    /// The arm was in its travel posture at the start, and had no room to leave it.
+    begun_stowed: bool,
     /// The human-like pace.
     pace: Option<Pace>,
     /// The chair turns towards the target before it drives.
@@ -158,6 +161,7 @@ impl Operator {
             about_to: None,
             longest: LONGEST,
             on_the_spot: false,
+            begun_stowed: false,
             looks_around: false,
             own_time: None,
         })
@@ -263,7 +267,8 @@ impl Operator {
             self.set_off(observation);
         }
         let begun = *self.begun.get_or_insert(observation.time);
-        if self.detour.is_none() && !self.on_the_spot {
+        let is_ready = !self.begun_stowed || Stow::is_home(&observation.arm, &self.scene.home);
+        if self.detour.is_none() && !self.on_the_spot && is_ready {
             self.memory.home.get_or_insert(observation.base_from_tool);
         }
         if self.over {

@@ -45,10 +45,25 @@ impl Operator {
             if is_home {
                 self.memory.home = Some(observation.base_from_tool);
             }
+        } else if self.is_confined(observation) {
+            // It stays stowed until the stop.
+            self.begun_stowed = true;
         } else if self.looks_around {
             self.detour = Some(Box::new(LookAround::default()));
         } else if !is_home {
             self.detour = Some(Box::new(Stow::default()));
+        }
+    }
+
+    /// Whether the arm is in its travel posture in a place where the chair with the arm at
+    /// home would collide.
+    fn is_confined(&self, observation: &Observation) -> bool {
+        let travel = self.scene.travel.as_ref();
+        let is_stowed =
+            travel.is_some_and(|travel| Stow::is_home(&observation.arm, &travel.joints));
+        is_stowed && {
+            let footprint = self.scene.footprint_check(&self.scene.poses(observation));
+            !footprint.is_free(&observation.chair(), 0.0)
         }
     }
 

@@ -3,6 +3,7 @@
 //! skills before or after it, except for the object in the hand.
 
 pub mod back_off;
+pub(crate) mod base_search;
 pub mod bring;
 pub mod carry;
 pub mod fumble;

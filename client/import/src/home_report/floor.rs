@@ -6,11 +6,8 @@ use wheelarm_planning::floor_map::{FloorMap, STOP_CLEARANCE};
 use wheelarm_planning::footprint_check::{FootprintCheck, Pose2};
 use wheelarm_planning::reached::Reached;
 
-use super::home::{Home, Opening, Room};
+use super::home::Home;
 use super::robot::RobotFacts;
-
-/// Outlines of rooms may leave gaps of this width between them, metres.
-const NEAR: f64 = 0.1;
 
 /// See the module.
 #[derive(Debug)]
@@ -31,20 +28,12 @@ impl Floor {
         let footprint = footprint(home, robot);
         let poses: Vec<Pose2> = home.start.into_iter().collect();
         let mut map = FloorMap::new(&footprint, robot.posture.clearance(), &poses);
-        let rooms: Vec<&Room> = home.rooms.iter().filter(|r| !r.is_outdoors()).collect();
-        if !rooms.is_empty() {
-            let passages: Vec<&Opening> = home.openings.iter().filter(|o| o.is_passage()).collect();
-            let is_in_passage = |at| passages.iter().any(|passage| is_in(passage, at));
-            map.confine(&|at| is_inside(&rooms, at) || is_in_passage(at));
+        if let Some(indoors) = home.indoors() {
+            map.confine(&|at| indoors.contains(at));
         }
         let map = Arc::new(map);
-        let largest = Reached::largest(map.clone());
-        let from_start = home.start.map(|start| Reached::from_start(map, &start));
-        let is_start_driven = from_start.as_ref().is_some_and(|reached| {
-            // A start in a niche says little of the home.
-            2 * reached.len() >= largest.len() && !reached.is_empty()
-        });
-        let driven = from_start.filter(|_| is_start_driven).unwrap_or(largest);
+        let driven = Reached::of_home(&map, home.start.as_ref());
+        let is_start_driven = home.start.is_some_and(|start| driven.contains(&start));
         Self {
             driven,
             stops: FloorMap::new(&footprint, STOP_CLEARANCE, &poses),
@@ -61,23 +50,4 @@ pub fn footprint(home: &Home, robot: &RobotFacts) -> FootprintCheck {
         footprint.put(solid.outline, solid.heights);
     }
     footprint
-}
-
-/// Whether a point is in the passage through a wall.
-fn is_in(passage: &Opening, at: [f64; 2]) -> bool {
-    let [along, across] = passage.offset(at).map(f64::abs);
-    along <= passage.width / 2.0 && across <= passage.thickness / 2.0 + NEAR
-}
-
-/// Whether a point is in one of the rooms, or beside one.
-fn is_inside(rooms: &[&Room], [x, y]: [f64; 2]) -> bool {
-    const SIDES: [[f64; 2]; 5] = [
-        [0.0, 0.0],
-        [NEAR, 0.0],
-        [-NEAR, 0.0],
-        [0.0, NEAR],
-        [0.0, -NEAR],
-    ];
-    let any = |room: &&Room| SIDES.iter().any(|s| room.contains([x + s[0], y + s[1]]));
-    rooms.iter().any(any)
 }

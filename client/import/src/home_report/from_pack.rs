@@ -78,21 +78,18 @@ fn room(entry: &wheelarm_pack::RoomEntry) -> Room {
 
 fn openings(file: &HomeFile) -> Vec<Opening> {
     let opening = |entry: &wheelarm_pack::OpeningEntry| {
-        let wall = file.wall.get(entry.wall)?;
-        let way = [wall.to[0] - wall.from[0], wall.to[1] - wall.from[1]];
-        let length = exact::hypot(way[0], way[1]).max(1e-9);
-        let along = way.map(|part| part / length);
+        let place = entry.doorway(file)?;
         Some(Opening {
             kind: match entry.kind {
                 wheelarm_pack::OpeningKind::Door => OpeningKind::Door,
                 wheelarm_pack::OpeningKind::Frame => OpeningKind::Frame,
                 wheelarm_pack::OpeningKind::Window => OpeningKind::Window,
             },
-            centre: [0, 1].map(|i| wall.from[i] + along[i] * entry.at),
-            along,
-            width: entry.width,
+            centre: place.centre,
+            along: place.along,
+            width: place.width,
             heights: [entry.sill, entry.sill + entry.height],
-            thickness: wall.thickness,
+            thickness: place.thickness,
         })
     };
     file.opening.iter().filter_map(opening).collect()

@@ -1,14 +1,11 @@
 //! The home that a report is about: rooms, openings, solids and surfaces in `house`, metres.
 
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
+use wheelarm_pack::indoors::{self, Doorway, Indoors};
 use wheelarm_planning::footprint_check::{Pose2, Rectangle};
 use wheelarm_planning::obb::Obb;
 use wheelarm_proto::exact;
 
-/// Words of rooms that are outside: a chair that starts inside does not drive there.
-const OUTDOORS: [&str; 8] = [
-    "terrace", "balcony", "garage", "garden", "roof", "attic", "patio", "outside",
-];
 /// Categories of pieces that are not moved.
 const FIXED: [&str; 17] = [
     "bath",
@@ -157,9 +154,7 @@ impl Room {
     /// Whether it is outside.
     #[must_use]
     pub fn is_outdoors(&self) -> bool {
-        let words = [self.kind.to_lowercase(), self.name.to_lowercase()];
-        let is_one = |word: &&str| words.iter().any(|text| text.contains(*word));
-        OUTDOORS.iter().any(is_one)
+        indoors::is_outdoors(&self.kind, &self.name)
     }
 
     /// Whether a point is in it.
@@ -208,9 +203,7 @@ impl Opening {
     /// Whether a chair could drive through it.
     #[must_use]
     pub fn is_passage(&self) -> bool {
-        const STEP: f64 = 0.2;
-        const HEAD: f64 = 1.6;
-        self.heights[0] < STEP && self.heights[1] - self.heights[0] > HEAD
+        indoors::is_passage(self.heights)
     }
 }
 
@@ -271,6 +264,23 @@ impl Home {
     #[must_use]
     pub fn room_at(&self, at: [f64; 2]) -> Option<usize> {
         self.rooms.iter().position(|room| room.contains(at))
+    }
+
+    /// Its inside; `None` where no room is inside.
+    #[must_use]
+    pub fn indoors(&self) -> Option<Indoors> {
+        let rooms = self.rooms.iter().filter(|room| !room.is_outdoors());
+        let passages = self.openings.iter().filter(|opening| opening.is_passage());
+        let doorway = |opening: &Opening| Doorway {
+            centre: opening.centre,
+            along: opening.along,
+            width: opening.width,
+            thickness: opening.thickness,
+        };
+        Indoors::new(
+            rooms.map(|room| room.outline.clone()).collect(),
+            passages.map(doorway).collect(),
+        )
     }
 
     /// Name of an owner.

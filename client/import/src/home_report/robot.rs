@@ -4,6 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
+use wheelarm_planning::arm_access::FURTHEST;
 use wheelarm_planning::floor_map::{DRIVE_CLEARANCE, STOWED_CLEARANCE};
 use wheelarm_planning::footprint_check::Outline;
 use wheelarm_planning::reach_map::{FILE_BYTES, ReachMap, ReachMapError};
@@ -11,9 +12,6 @@ use wheelarm_proto::exact;
 
 /// Largest `robot.toml` that is read, bytes.
 const MOST_BYTES: u64 = 1 << 20;
-/// Furthest distance from the arm's base to a point that counts, metres. Lifts from further
-/// away fail more often.
-const FURTHEST: f64 = 0.80;
 
 /// Posture of the arm while the chair drives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -5,11 +5,12 @@
 //! rises higher than 0.12 m above the surface on the way. Without the last test shelves are
 //! reached through walls. The best edge and its strip are kept with the stops of the chair.
 
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::FRAC_PI_2;
 
 use serde::Serialize;
-use wheelarm_planning::footprint_check::{Pose2, Rectangle, wrap};
-use wheelarm_planning::reach_map::{HandPlace, ReachMap};
+use wheelarm_planning::arm_access::{ARRIVAL, PITCHES, aside, lifts, may_cover, way};
+use wheelarm_planning::footprint_check::{Pose2, wrap};
+use wheelarm_planning::reach_map::HandPlace;
 use wheelarm_proto::exact;
 
 use super::floor::Floor;
@@ -24,23 +25,10 @@ pub(crate) const SPACING: f64 = 0.1;
 const END: f64 = 0.08;
 /// Shortest and longest depth of a surface that an edge offers, metres.
 const DEPTHS: [f64; 2] = [0.16, 0.4];
-/// Greatest angle between the heading and the direction into the surface, and between the
-/// heading and the point, radians.
-const ASIDE: f64 = 0.61;
-/// Steps of heading and bearing to either side.
-const TURNS: i32 = 3;
 /// Step of the distance from the arm's base, metres.
 const STEP: f64 = 0.04;
 /// The grasp point is this high above the surface, metres.
 const GRASP: f64 = 0.08;
-/// The hand starts from, and lifts to, this height above the grasp, metres.
-const LIFT: f64 = 0.15;
-/// Before a level grasp, the hand is this far back, metres.
-const STANDOFF: f64 = 0.12;
-/// Solids count as in the way between these heights above the surface, metres.
-const WAY: [f64; 2] = [0.12, 0.4];
-/// Length of the straight segment on which the chair arrives at a stop, metres.
-const ARRIVAL: f64 = 0.08;
 
 /// Stage at which points of a surface fail; later ones are nearer to success.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -176,9 +164,7 @@ struct Search<'a> {
 #[must_use]
 pub fn test(home: &Home, floor: &Floor, robot: &RobotFacts, surface: &Surface) -> SurfaceReport {
     let above = home.solids.iter().filter(|solid| {
-        solid.heights[1] > surface.height + WAY[0]
-            && solid.heights[0] < surface.height + WAY[1]
-            && solid.owner != Owner::Piece(surface.piece)
+        may_cover(solid.heights, surface.height) && solid.owner != Owner::Piece(surface.piece)
     });
     let mut search = Search {
         home,
@@ -289,7 +275,7 @@ impl Search<'_> {
     fn is_stop(&mut self, pose: &Pose2, point: [f64; 2]) -> bool {
         let mount = self.robot.reach.mount().translation;
         let base = pose.point(mount.x, mount.y);
-        let way = segment(base, point);
+        let way = way(base, point);
         let covered = self.above.iter().find(|solid| solid.outline.overlaps(&way));
         if let Some(owner) = covered.map(|solid| solid.owner) {
             self.note(Reason::Covered, Some(owner));
@@ -337,7 +323,17 @@ impl Search<'_> {
     fn reaches(&self, distance: f64, direction: f64) -> bool {
         let base = self.robot.reach.mount().translation.z;
         let height = self.surface.height + GRASP - base;
-        reaches_over(&self.robot.reach, distance, height, direction)
+        [direction, 0.0].iter().any(|&direction| {
+            PITCHES.iter().any(|&pitch| {
+                let place = HandPlace {
+                    distance,
+                    height,
+                    pitch,
+                    direction,
+                };
+                lifts(&self.robot.reach, &place)
+            })
+        })
     }
 
     /// Remembers the furthest stage and what was in the way there.
@@ -355,56 +351,6 @@ impl Search<'_> {
             Some((_, count)) => *count += 1,
             None => self.blockers.push((owner, 1)),
         }
-    }
-}
-
-/// Whether a hand at a point at this distance and height from the arm's base gets there and
-/// up again. Level hands point along `direction`, radians, or along the arm.
-fn reaches_over(reach: &ReachMap, distance: f64, height: f64, direction: f64) -> bool {
-    const PITCHES: [f64; 4] = [0.0, PI / 12.0, PI / 4.0, FRAC_PI_2];
-    let gets_to = |distance: f64, height: f64, pitch: f64, direction: f64| {
-        reach.reaches(&HandPlace {
-            distance,
-            height,
-            pitch,
-            direction,
-        })
-    };
-    [direction, 0.0].iter().any(|&direction| {
-        PITCHES.iter().any(|&pitch| {
-            let (down, level) = exact::sin_cos(pitch);
-            let (aside, ahead) = exact::sin_cos(direction);
-            // Back along the hand.
-            let [x, y] = [
-                distance - STANDOFF * level * ahead,
-                STANDOFF * level * aside,
-            ];
-            let far = exact::hypot(x, y);
-            let turned = wrap(direction + exact::atan2(y, x));
-            gets_to(distance, height, pitch, direction)
-                && gets_to(far, height + STANDOFF * down, pitch, turned)
-                && gets_to(distance, height + LIFT, pitch, direction)
-        })
-    })
-}
-
-/// Angles from 0 to either side, radians.
-fn aside() -> impl Iterator<Item = f64> {
-    let step = ASIDE / f64::from(TURNS);
-    (0..=2 * TURNS).map(move |i| {
-        let sign = if i % 2 == 0 { -1.0 } else { 1.0 };
-        sign * f64::from((i + 1) / 2) * step
-    })
-}
-
-/// A line on the floor plan as a rectangle without width.
-fn segment(a: [f64; 2], b: [f64; 2]) -> Rectangle {
-    let way = [b[0] - a[0], b[1] - a[1]];
-    let length = exact::hypot(way[0], way[1]).max(1e-9);
-    Rectangle {
-        centre: [f64::midpoint(a[0], b[0]), f64::midpoint(a[1], b[1])],
-        half: [length / 2.0, 0.0],
-        along: way.map(|part| part / length),
     }
 }
 
@@ -445,14 +391,5 @@ mod tests {
                 .iter()
                 .all(|edge| edge.points().is_empty())
         );
-    }
-
-    #[test]
-    fn angles_begin_straight_ahead_and_are_even() {
-        let angles: Vec<f64> = aside().collect();
-        assert_eq!(angles.len(), 7);
-        assert_eq!(angles[0].abs(), 0.0);
-        assert!((angles.iter().sum::<f64>()).abs() < 1e-12);
-        assert!((angles[5].abs() - ASIDE).abs() < 1e-12);
     }
 }

@@ -2371,9 +2371,10 @@ class SensorSetting(_Message):
 class Scenario(_Message):
     """A scenario. Start-up, reset, episode start, replay, collection and the attributes of a
     recording all use this message. In a request (`reset`), absent fields keep the value in
-    force. A request with a scene, a task, a robot, a seed (also the same one), other starts or
-    another variant samples all absent values again: objects, slides, start, arm, gripper,
-    instruction, target and variant. In replies and recordings every field is set.
+    force. A request with a scene, a task, a robot, a seed (also the same one), other starts,
+    another variant or other rules of sampling samples all absent values again: objects, slides,
+    start, arm, gripper, instruction, target and variant. In replies and recordings every field
+    is set.
     """
     scene: str
     """Scene name in assets/scenes; empty takes the one in force (no unit)."""
@@ -2488,6 +2489,15 @@ class Scenario(_Message):
     assets. In a request: packs with these digests, or an error; absent uses the first pack that
     the server finds under the name of the scene.
     """
+    draws: int
+    """Rules by which a seed samples starts and objects; the reply has those that were used. 1:
+    objects within the ranges of the area; a start anywhere has a path to it. 2: by the maps;
+    starts anywhere are uniform over the floor that is connected with the area, with the arm in
+    the travel posture where it does not fit otherwise, and objects are where the arm reaches a
+    grasp from that floor (a robot without a reach map: as 1). Absent: 2 in a scene with rooms
+    of a pack, 1 in others; in a reset the ones in force, unless the scene is sampled again (no
+    unit). Optional.
+    """
     def __init__(
         self,
         *,
@@ -2524,6 +2534,7 @@ class Scenario(_Message):
         start_in_view: bool | None = ...,
         look_around: bool | None = ...,
         packs: _Iterable[PackRef | _Mapping[str, _Any]] | None = ...,
+        draws: int | None = ...,
     ) -> None: ...
 
 class TaskGoal(_Message):

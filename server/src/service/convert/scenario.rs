@@ -17,6 +17,7 @@ use crate::sim::{
     ALL_CAMERAS, CameraPlace, CameraSetting, Lens, MAX_SIZE, Quality, Scenario, SensorSetting,
     Starts,
 };
+use crate::tasks::SamplingRules;
 
 /// A scenario as a message.
 pub fn scenario(s: &Scenario) -> v1::Scenario {
@@ -102,6 +103,7 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
         style: Some(s.style.name().to_owned()),
         time_limit_seconds: s.time_limit,
         packs: packs::refs(&s.pack),
+        draws: s.draws.map(SamplingRules::number),
     }
 }
 
@@ -207,6 +209,15 @@ fn in_entry(what: &'static str, name: &str) -> impl Fn(Invalid) -> Invalid {
     }
 }
 
+/// The rules of sampling with a number.
+fn sampling_rules(number: u32) -> Result<SamplingRules, Invalid> {
+    SamplingRules::from_number(number).ok_or_else(|| Invalid::Word {
+        what: "draws",
+        value: number.to_string(),
+        expected: "1 (ranges of the area) or 2 (floor map and reach map)",
+    })
+}
+
 /// A required number within bounds.
 fn number(what: &'static str, value: Option<f64>, low: f64, high: f64) -> Result<f64, Invalid> {
     check::within(what, value.ok_or(Invalid::Missing(what))?, low, high)
@@ -299,6 +310,7 @@ pub fn scenario_over(now: &Scenario, request: &v1::Scenario) -> Result<Scenario,
         start_in_view,
         look_around,
         packs: requested_packs,
+        draws,
     } = request;
     bounded(request)?;
     let mut s = now.clone();
@@ -312,7 +324,9 @@ pub fn scenario_over(now: &Scenario, request: &v1::Scenario) -> Result<Scenario,
     let named = !scene.is_empty() || !robot.is_empty();
     let elsewhere = Starts::from_proto(request.starts()).is_some_and(|starts| starts != now.starts);
     let other = variant.is_some() && *variant != now.variant;
-    let anew = task.is_some() || seed.is_some() || elsewhere || other;
+    let rules = draws.map(sampling_rules).transpose()?;
+    let by_others = rules.is_some() && rules != now.draws;
+    let anew = task.is_some() || seed.is_some() || elsewhere || other || by_others;
     if named || anew {
         s.clear_sampled();
     }
@@ -354,6 +368,10 @@ pub fn scenario_over(now: &Scenario, request: &v1::Scenario) -> Result<Scenario,
             drawn: None,
             ..person
         });
+    }
+    if rules.is_some() {
+        s.draws = rules;
+        s.requested.open_draws = false;
     }
     s.start_in_view = start_in_view.unwrap_or(s.start_in_view);
     s.look_around = look_around.unwrap_or(s.look_around);
@@ -513,6 +531,35 @@ mod tests {
         assert_eq!((got.imu_rate_hz, got.imu_noise, got.seed), (0.0, false, 7));
         assert_eq!(got.objects, now.objects);
         assert_eq!(got.state_rate_hz, now.state_rate_hz);
+    }
+
+    #[test]
+    fn rules_of_sampling_are_kept_checked_and_sample_again() {
+        let mut now = in_force();
+        now.draws = Some(SamplingRules::Ranges);
+        now.requested.open_draws = true;
+        let request = |draws, seed| v1::Scenario {
+            draws,
+            seed,
+            ..v1::Scenario::default()
+        };
+        let over = |draws, seed| scenario_over(&now, &request(draws, seed));
+        // The ones in force, until the scene is sampled again.
+        assert_eq!(over(None, None), Ok(now.clone()));
+        assert_eq!(over(None, Some(7)).unwrap().draws, None);
+        let kept = over(Some(1), None).unwrap();
+        assert_eq!(kept.objects, now.objects);
+        let other = over(Some(2), None).unwrap();
+        assert_eq!(other.draws, Some(SamplingRules::Maps));
+        assert!(other.objects.is_empty() && other.start.is_none());
+        // Requested ones stay.
+        let again = scenario_over(&other, &request(None, Some(8))).unwrap();
+        assert_eq!(again.draws, Some(SamplingRules::Maps));
+        let error = over(Some(3), None).unwrap_err().to_string();
+        assert!(
+            error.contains("draws") && error.contains("1 (ranges"),
+            "{error}"
+        );
     }
 
     #[test]

@@ -1,0 +1,391 @@
+//! Base search: chooses a base placement for one purpose, and finds a path to it. A goal
+//! without a way costs look-ups on floor maps; one without a path costs few searches.
+
+use std::collections::BTreeSet;
+
+use nalgebra::{Isometry3, Translation3};
+
+use super::{Now, bring, lift, place};
+use crate::base_placement::{self, BasePlacement};
+use crate::demonstration::adapt;
+use crate::drive::Drive;
+use crate::goal::Goal;
+use crate::grasp_candidate::{GraspCandidate, MARGINS};
+use crate::habits::Habits;
+use wheelarm_planning::floor_map::STOP_CLEARANCE;
+use wheelarm_planning::footprint_check::{FootprintCheck, Pose2};
+use wheelarm_planning::hybrid_a_star::{DriveGoal, Segment};
+use wheelarm_planning::route_planner::RoutePlanner;
+
+/// Placements that are checked for reach and path per stop.
+const PLACES: usize = 120;
+/// The same of those that suit the habits: each costs time, and there are others.
+const WANTED: usize = 60;
+/// Placements without a path after which a list of placements is abandoned: each takes a
+/// search.
+const PATHLESS: usize = 12;
+/// A placement this near to one without a path has none either, metres and radians.
+const NEIGHBOUR: [f64; 2] = [0.045, 0.15];
+/// Levels of requirements on a placement: the whole work, or only its first step.
+const LEVELS: usize = 2;
+/// A placement that did not work is not taken again within this, metres and radians.
+const LEFT: [f64; 2] = [0.12, 0.25];
+/// Straight segments before a stop that are tried, metres.
+const STRAIGHTS: [f64; 3] = [0.35, 0.2, 0.08];
+/// Radii of arcs that are tried, as shares of the operator profile's.
+const ARCS: [f64; 2] = [1.0, 0.75];
+/// Spacing of the collision checks along the straight segment, metres.
+const SPACING: f64 = 0.04;
+/// Nodes of all path searches after which a base search ends: two complete ones. Where the
+/// floor map shows a way, but the chair has no path, more placements rarely have one.
+const NODES: usize = 90_000;
+
+/// Purpose of a stop of the chair.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// To grasp the object.
+    Take,
+    /// To put down what is in the hand.
+    Put,
+}
+
+/// Poses that an arm with its base at `house_from_base` must reach, in `house`.
+struct Wanted {
+    /// Pregrasp and grasp.
+    approach: Vec<Isometry3<f64>>,
+    /// Poses after it: for each level of requirements, the highest first, lists of
+    /// poses, one of which must be reachable.
+    then: Vec<Vec<Vec<Isometry3<f64>>>>,
+}
+
+/// Poses that a base placement must reach.
+fn wanted(
+    now: &Now<'_>,
+    candidate: &GraspCandidate,
+    purpose: Purpose,
+    house_from_base: &Isometry3<f64>,
+) -> Wanted {
+    let mut approach = vec![candidate.pregrasp, candidate.grasp];
+    if purpose == Purpose::Put {
+        let then = vec![vec![Vec::new()]];
+        return Wanted { approach, then };
+    }
+    let height = lift::height(now.goal, now.profile.grasp.lift);
+    let mut raised = lift::lift_paths(house_from_base, &candidate.grasp, height);
+    if let Some(shown) = &candidate.shown {
+        approach = adapt::approach_stops(now.shown, shown, &now.object());
+        let lift = adapt::lift_stops(now.shown, shown, &now.object());
+        if !lift.is_empty() {
+            raised = vec![lift];
+        }
+    }
+    let then = match now.goal {
+        Goal::Lift { .. } => {
+            let up = raised[0].last().copied().unwrap_or(candidate.grasp);
+            let back = up * Translation3::new(0.0, 0.0, -now.profile.retract);
+            let best = [&raised[0][..], &[back]].concat();
+            vec![vec![best], raised]
+        }
+        Goal::Put { .. } => {
+            let held = candidate.grasp.inv_mul(&now.object());
+            let puts = place::candidates(now, &held, candidate);
+            let both = |put: &GraspCandidate| {
+                let then = |up: &Vec<_>| [&up[..], &[put.pregrasp, put.grasp]].concat();
+                raised.iter().take(2).map(then).collect::<Vec<_>>()
+            };
+            vec![puts.iter().flat_map(both).collect(), raised.clone()]
+        }
+        Goal::Give { .. } | Goal::Bring { .. } => {
+            let chair = house_from_base * now.scene.chair_from_base.inverse();
+            vec![bring::after(now, &chair, candidate), raised]
+        }
+        Goal::Open { slide, .. } | Goal::Close { slide, .. } => {
+            let slide_now = now.observation.slides.get(*slide).copied().unwrap_or(0.0);
+            let joint = &now.scene.slides[*slide];
+            let aim = now.goal.aim(now.scene).map_or(slide_now, |(_, aim)| aim);
+            let pulled = |share: f64| joint.carried(&candidate.grasp, (aim - slide_now) * share);
+            vec![vec![pulled(1.0)], vec![pulled(0.3)]]
+        }
+    };
+    Wanted { approach, then }
+}
+
+impl Wanted {
+    /// Whether all of a level can be reached by a chair at `house_from_chair`.
+    fn is_reached(
+        &self,
+        level: usize,
+        now: &mut Now<'_>,
+        house_from_chair: &Isometry3<f64>,
+        never: impl FnOnce(),
+    ) -> bool {
+        let tool = now.observation.base_from_tool;
+        let scene = now.scene;
+        let mut reaches = |poses: &[Isometry3<f64>]| {
+            base_placement::reaches_from(scene, house_from_chair, &tool, poses, now.reach)
+        };
+        // Most placements are out for the approach already.
+        if !reaches(&self.approach) {
+            never();
+            return false;
+        }
+        self.then.get(level).is_some_and(|lists| {
+            lists
+                .iter()
+                .any(|list| reaches(&[&self.approach[..], &list[..]].concat()))
+        })
+    }
+}
+
+/// Approaches, of an arm at a place, that it does not reach: they come again with the
+/// next level and the next margin.
+type Unreached = BTreeSet<[u64; 10]>;
+
+/// Tells one approach of an arm with its base at `house_from_base` from another.
+fn key(house_from_base: &Isometry3<f64>, candidate: &GraspCandidate) -> [u64; 10] {
+    let grasp = house_from_base.inv_mul(&candidate.grasp);
+    let pregrasp = house_from_base.inv_mul(&candidate.pregrasp);
+    let [x, y, z] = grasp.translation.vector.into();
+    let [i, j, k, w] = grasp.rotation.coords.into();
+    let [a, b, c] = pregrasp.translation.vector.into();
+    [x, y, z, i, j, k, w, a, b, c].map(f64::to_bits)
+}
+
+/// Counts of rejected placements, by reason.
+#[derive(Default)]
+struct Tally {
+    /// Most grasp candidates that a margin left.
+    candidates: usize,
+    /// Placements that were looked at.
+    tried: usize,
+    /// Of them, out of the arm's reach.
+    unreached: usize,
+    /// Of them, without a path of the chair.
+    pathless: usize,
+}
+
+/// The drive to the best base placement, and the candidate that it is for.
+///
+/// # Errors
+/// Why there is none, for people.
+pub(super) fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<(Drive, GraspCandidate), String> {
+    let chair = now.observation.chair();
+    let margin = now.profile.path.margin;
+    let mut routes = now.scene.route_planner(now.poses, chair, margin);
+    find_with(now, purpose, &mut routes)
+}
+
+/// The same with a planner of routes from the chair.
+pub(crate) fn find_with(
+    now: &mut Now<'_>,
+    purpose: Purpose,
+    routes: &mut RoutePlanner,
+) -> Result<(Drive, GraspCandidate), String> {
+    let chair = now.observation.chair();
+    if !routes.is_start_free() {
+        let name = &now.scene.items[now.goal.item()].name;
+        return Err(format!(
+            "no place to stop for {name:?}: the chair has no room to drive where it is"
+        ));
+    }
+    let room = routes.map(STOP_CLEARANCE);
+    let opened = opened(now);
+    let mut tally = Tally::default();
+    let mut unreached = Unreached::default();
+    let mut pathless = Vec::new();
+    for margin in MARGINS {
+        let candidates = candidates(now, purpose, margin);
+        tally.candidates = tally.candidates.max(candidates.len());
+        let distance = now.profile.grasp.distance;
+        let habits = now.profile.habits.filter(|_| purpose == Purpose::Take);
+        let place = |habits: Option<&Habits>| {
+            let mut placements =
+                base_placement::placements(now.scene, &chair, &candidates, habits, distance);
+            placements.retain(|placement| room.is_free(&placement.chair));
+            if let Some(opened) = &opened {
+                placements.retain(|placement| opened.is_free(&placement.chair, 0.0));
+            }
+            placements.truncate(20 * PLACES);
+            placements
+        };
+        // As the habits want, on the other side, the same half as far, then anywhere.
+        let wanted = habits.into_iter();
+        let wanted = wanted.flat_map(|habits| [habits, habits.milder()]);
+        let wanted = wanted.flat_map(|habits| [habits, habits.mirrored()]);
+        let wanted = wanted.map(|habits| (place(Some(&habits)), WANTED));
+        let placements: Vec<_> = wanted.chain([(place(None), PLACES)]).collect();
+        let choice = Choice {
+            purpose,
+            candidates,
+        };
+        // Placements from which everything can be done come first.
+        for level in 0..LEVELS {
+            for (placements, most) in &placements {
+                let mut search = Search {
+                    routes: &mut *routes,
+                    tally: &mut tally,
+                    unreached: &mut unreached,
+                    pathless: &mut pathless,
+                };
+                let drive = choice.drive((&placements[..], *most), level, now, &mut search);
+                if let Some(found) = drive {
+                    return Ok(found);
+                }
+            }
+        }
+    }
+    let name = &now.scene.items[now.goal.item()].name;
+    Err(format!(
+        "no place to stop for {name:?}: {} grasp candidates, of {} base placements {} out of the arm's reach and {} without a path",
+        tally.candidates, tally.tried, tally.unreached, tally.pathless
+    ))
+}
+
+/// Obstacles of the chair after the goal's slide is open; `None` for other goals.
+fn opened(now: &Now<'_>) -> Option<FootprintCheck> {
+    let Goal::Open { slide, .. } = now.goal else {
+        return None;
+    };
+    let (_, aim) = now.goal.aim(now.scene)?;
+    let slide = now.scene.slides.get(*slide)?;
+    let mut poses = now.poses.to_vec();
+    poses[slide.item] = slide.pose(aim);
+    Some(now.scene.footprint_check(&poses))
+}
+
+/// Candidates to grasp the object, or to put down the object in the hand.
+fn candidates(now: &Now<'_>, purpose: Purpose, margin: f64) -> Vec<GraspCandidate> {
+    match purpose {
+        Purpose::Take => now.candidates(margin),
+        Purpose::Put => {
+            let held = now.memory.held.unwrap_or_else(|| now.object_in_hand());
+            place::candidates(now, &held, &place::taken(now, &held))
+        }
+    }
+}
+
+/// State of one search for a base placement.
+struct Search<'a> {
+    routes: &'a mut RoutePlanner,
+    tally: &'a mut Tally,
+    unreached: &'a mut Unreached,
+    /// Placements without a path of the chair.
+    pathless: &'a mut Vec<Pose2>,
+}
+
+/// Whether two placements are so near that one does as well as the other.
+fn are_neighbours(a: &Pose2, b: &Pose2) -> bool {
+    a.distance(b) < NEIGHBOUR[0] && a.to(b)[2].abs() < NEIGHBOUR[1]
+}
+
+/// Grasp candidates of one purpose.
+struct Choice {
+    purpose: Purpose,
+    candidates: Vec<GraspCandidate>,
+}
+
+impl Choice {
+    /// The drive to the best of `placements` from which all of a level of content can
+    /// be reached.
+    fn drive(
+        &self,
+        (placements, most): (&[BasePlacement], usize),
+        level: usize,
+        now: &mut Now<'_>,
+        search: &mut Search<'_>,
+    ) -> Option<(Drive, GraspCandidate)> {
+        let chair = now.observation.chair();
+        let (mut looked, mut without_path) = (0, 0);
+        let mut refused: Vec<(Pose2, usize)> = Vec::new();
+        for placement in placements {
+            if looked == most || without_path > PATHLESS || search.routes.nodes() > NODES {
+                break;
+            }
+            // Neighbours of a placement that did not do rarely do better.
+            let is_near = |(pose, candidate): &(Pose2, usize)| {
+                *candidate == placement.candidate && are_neighbours(pose, &placement.chair)
+            };
+            let was_left = now.memory.left.iter().any(|pose| {
+                pose.distance(&placement.chair) < LEFT[0]
+                    && pose.to(&placement.chair)[2].abs() < LEFT[1]
+            });
+            if was_left
+                || refused.iter().any(is_near)
+                || (search.pathless.iter()).any(|pose| are_neighbours(pose, &placement.chair))
+            {
+                continue;
+            }
+            let at = base_placement::standing(&placement.chair);
+            let base = at * now.scene.chair_from_base;
+            search.tally.tried += 1;
+            looked += 1;
+            // A look-up; whether the arm reaches takes longer.
+            if !has_way(search.routes, &placement.chair) {
+                search.tally.pathless += 1;
+                search.pathless.push(placement.chair);
+                continue;
+            }
+            let candidate = &self.candidates[placement.candidate];
+            let wanted = wanted(now, candidate, self.purpose, &base);
+            let key = key(&base, candidate);
+            if search.unreached.contains(&key)
+                || !wanted.is_reached(level, now, &at, || {
+                    search.unreached.insert(key);
+                })
+            {
+                search.tally.unreached += 1;
+                refused.push((placement.chair, placement.candidate));
+                continue;
+            }
+            let goals = drive_goals(search.routes, &placement.chair, now);
+            let Some(path) = drive_path(search.routes, &goals, now) else {
+                search.tally.pathless += 1;
+                search.pathless.push(placement.chair);
+                without_path += 1;
+                continue;
+            };
+            return Some((Drive::new(chair, &path, &now.profile.drive), *candidate));
+        }
+        None
+    }
+}
+
+/// Whether free floor connects the chair with a pose before a stop.
+fn has_way(routes: &mut RoutePlanner, stop: &Pose2) -> bool {
+    let before = STRAIGHTS.map(|length| stop.rolled(-length, 0.0));
+    before.iter().any(|pose| routes.has_way(pose))
+}
+
+/// Poses before a stop from which a free straight segment leads to it, so that the chair
+/// arrives aligned, each with the length of the segment, metres.
+fn drive_goals(routes: &RoutePlanner, stop: &Pose2, now: &Now<'_>) -> Vec<(DriveGoal, f64)> {
+    let is_free = |length: &f64| {
+        let steps = (length / SPACING).ceil() as u32;
+        let before = |step: u32| stop.rolled(-length * f64::from(step) / f64::from(steps), 0.0);
+        (1..=steps).all(|step| routes.footprint().is_free(&before(step), 0.0))
+    };
+    let goal = |length: f64| DriveGoal {
+        pose: stop.rolled(-length, 0.0),
+        // A long straight part aligns better than a short one.
+        cost: length / now.profile.drive.speed - 4.0 * length,
+    };
+    let lengths = STRAIGHTS.into_iter().filter(is_free);
+    lengths.map(|length| (goal(length), length)).collect()
+}
+
+/// The quickest path to one of the goals and on to the stop, with wide or with tight arcs.
+fn drive_path(
+    routes: &mut RoutePlanner,
+    goals: &[(DriveGoal, f64)],
+    now: &Now<'_>,
+) -> Option<Vec<Segment>> {
+    let radii = ARCS.map(|tightness| now.profile.path.radius * tightness);
+    let all: Vec<DriveGoal> = goals.iter().map(|(goal, _)| *goal).collect();
+    let found = routes.route(&all, &radii).ok()?;
+    let mut segments = found.path.segments;
+    segments.push(Segment::Roll {
+        length: goals[found.goal].1,
+        curvature: 0.0,
+    });
+    Some(segments)
+}

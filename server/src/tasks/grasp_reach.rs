@@ -1,0 +1,160 @@
+//! Whether the robot grasps an object where it is sampled: some free stop of the chair, to
+//! which it gets, has one of the object's grasps in the reach map of the arm.
+
+use std::f64::consts::{PI, TAU};
+
+use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
+use wheelarm_planning::arm_access::{aside, furthest_at, leans, lifts, may_cover, way};
+use wheelarm_planning::footprint_check::{Pose2, Rectangle, wrap};
+use wheelarm_planning::reach_map::{HandPlace, ReachMap};
+use wheelarm_proto::exact;
+
+use super::drivable::Drivable;
+use crate::scene::{Body, Surface};
+
+/// Turns of a round object, and of an object that is put down.
+const TURNS: u32 = 12;
+/// Headings of the chair for a hand from above.
+const HEADINGS: u32 = 12;
+/// Step of the distance from the arm's base, metres.
+const STEP: f64 = 0.05;
+/// A hand with a smaller horizontal part of its direction is from above.
+const LEVEL: f64 = 0.3;
+
+/// A box of the furniture on the floor plan.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Solid {
+    /// Index of its furniture.
+    pub furniture: usize,
+    pub outline: Rectangle,
+    /// Lower and upper end, metres.
+    pub heights: [f64; 2],
+}
+
+/// A hand at a grasp, in `house`.
+struct Hand {
+    point: Point3<f64>,
+    /// Down is positive, radians.
+    pitch: f64,
+    /// Direction on the floor plan, radians.
+    yaw: f64,
+    is_level: bool,
+}
+
+impl Hand {
+    /// The hand at a grasp that leans about its closing axis, radians.
+    fn leaning(house_from_grasp: &Isometry3<f64>, lean: f64) -> Self {
+        let (sin, cos) = exact::sin_cos(lean);
+        // The approach direction, turned about x.
+        let along = house_from_grasp.rotation * Vector3::new(0.0, -sin, cos);
+        let level = exact::hypot(along.x, along.y);
+        Self {
+            point: Point3::from(house_from_grasp.translation.vector),
+            pitch: exact::atan2(-along.z, level),
+            yaw: exact::atan2(along.y, along.x),
+            is_level: level > LEVEL,
+        }
+    }
+}
+
+/// See the module.
+#[derive(Clone, Copy)]
+pub(super) struct GraspReach<'a> {
+    pub reach: &'a ReachMap,
+    /// Least and greatest distance from the arm's base to a grasp, metres.
+    pub range: [f64; 2],
+    pub drivable: &'a Drivable,
+    pub solids: &'a [Solid],
+}
+
+impl GraspReach<'_> {
+    /// Whether the robot grasps `body` at `pose` on `surface`. An object without grasps is
+    /// not grasped, and needs no reach.
+    pub(super) fn can_grasp(&self, body: &Body, pose: &Isometry3<f64>, surface: &Surface) -> bool {
+        body.grasps.is_empty() || self.reaches(body, pose, surface, false)
+    }
+
+    /// Whether the robot puts `body` down at `pose` on `surface`, turned about the vertical by
+    /// any angle.
+    pub(super) fn can_put(&self, body: &Body, pose: &Isometry3<f64>, surface: &Surface) -> bool {
+        body.grasps.is_empty() || self.reaches(body, pose, surface, true)
+    }
+
+    fn reaches(&self, body: &Body, pose: &Isometry3<f64>, surface: &Surface, turns: bool) -> bool {
+        let height = surface.edge.translation.z;
+        let point = pose.translation.vector;
+        let near = |solid: &&Solid| {
+            let [dx, dy] = [
+                solid.outline.centre[0] - point.x,
+                solid.outline.centre[1] - point.y,
+            ];
+            solid.furniture != surface.furniture
+                && may_cover(solid.heights, height)
+                && exact::hypot(dx, dy) < self.range[1] + 0.5 + solid.outline.radius()
+        };
+        let covers: Vec<&Solid> = self.solids.iter().filter(near).collect();
+        let about = |angle: f64| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angle);
+        for grasp in &body.grasps {
+            let count = if grasp.symmetric || turns { TURNS } else { 1 };
+            for turn in 0..count {
+                let turned = about(TAU * f64::from(turn) / f64::from(count));
+                let turned = match grasp.symmetric {
+                    true => pose * turned,
+                    // Put down with another heading.
+                    false => Isometry3::from_parts(pose.translation, turned * pose.rotation),
+                };
+                // The hand looks the same after half a turn about its own axis.
+                for half in [0.0, PI] {
+                    let at = turned * grasp.pose * about(half);
+                    let hands = leans(&at, grasp.from_above).iter();
+                    let mut hands = hands.map(|lean| Hand::leaning(&at, *lean));
+                    if hands.any(|hand| self.has_stop(&hand, &covers)) {
+                        return true;
+                    }
+                }
+            }
+        }
+        false
+    }
+
+    /// Whether the chair has a stop for a hand, with nothing of `covers` on the way of the arm.
+    fn has_stop(&self, hand: &Hand, covers: &[&Solid]) -> bool {
+        let mount = self.reach.mount().translation;
+        let point = [hand.point.x, hand.point.y];
+        let [nearest, furthest] = self.range;
+        let furthest = furthest_at(hand.point.z, furthest);
+        let steps = ((furthest - nearest) / STEP).round().max(0.0) as u32;
+        let level = aside().filter(|_| hand.is_level);
+        let above = (0..HEADINGS).filter(|_| !hand.is_level);
+        let above = above.map(|i| TAU * f64::from(i) / f64::from(HEADINGS));
+        level.chain(above).any(|turn| {
+            let heading = wrap(hand.yaw + turn);
+            let (sin, cos) = exact::sin_cos(heading);
+            aside().any(|bearing| {
+                let (left, ahead) = exact::sin_cos(bearing);
+                (0..=steps).any(|step| {
+                    let place = HandPlace {
+                        distance: furthest - STEP * f64::from(step),
+                        height: hand.point.z - mount.z,
+                        pitch: hand.pitch,
+                        direction: wrap(-turn - bearing),
+                    };
+                    if !lifts(self.reach, &place) {
+                        return false;
+                    }
+                    let u = mount.x + place.distance * ahead;
+                    let v = mount.y + place.distance * left;
+                    let pose = Pose2 {
+                        x: point[0] - u * cos + v * sin,
+                        y: point[1] - u * sin - v * cos,
+                        heading,
+                    };
+                    self.drivable.is_stop(&pose) && {
+                        let way = way(pose.point(mount.x, mount.y), point);
+                        !covers.iter().any(|solid| solid.outline.overlaps(&way))
+                    }
+                })
+            })
+        })
+    }
+}
