@@ -40,7 +40,7 @@ def test_folder_and_zip_file_of_a_pack_become_a_scene(receiver, store, tmp_path,
     assert len(list(store.iterdir())) == 1
 
 
-def test_upload_that_breaks_off_leaves_nothing_and_hinders_nobody(receiver, store, monkeypatch):
+def test_upload_that_breaks_off_leaves_nothing_and_hinders_no_other(receiver, store, monkeypatch):
     monkeypatch.setattr(packs, "PIECE", 1000)
     data = packs.zip_bytes(FLAT)
     for _ in range(6):
@@ -54,7 +54,6 @@ def test_upload_that_breaks_off_leaves_nothing_and_hinders_nobody(receiver, stor
         for pair in zip(packs.put_requests(data), packs.put_requests(data), strict=True)
     ]
     assert [reply.pack.name for reply in replies[-1]] == ["flat", "flat"]
-    # The first of the six was replaced by later ones; its next piece is refused with the fix.
     assert len(list(store.iterdir())) == 1
 
 

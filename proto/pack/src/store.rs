@@ -173,7 +173,7 @@ fn written(path: &Path) -> Option<SystemTime> {
     };
     let inside = entries.into_iter().flatten().flatten();
     let inside = inside.filter_map(|entry| {
-        // A link could lead anywhere, and is no part of a pack.
+        // A link could lead anywhere, and a pack has none.
         let kind = entry.file_type().ok()?;
         match kind.is_symlink() {
             true => None,

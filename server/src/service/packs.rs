@@ -341,7 +341,7 @@ mod tests {
     #[test]
     fn folder_that_is_a_pack_itself_receives_no_pack() {
         let folder = tempfile::tempdir().unwrap();
-        let (zip, digest) = flat("1");
+        let (zip, _) = flat("1");
         let own = folder.path().join("flat");
         Pack::from_zip(&zip).unwrap().write_folder(&own).unwrap();
         let (other, of_other) = flat("22");
@@ -357,6 +357,5 @@ mod tests {
         let sha = format!("sha256:{}", to_hex(&wheelarm_proto::digest::sha256(&zip)));
         store(&assets(), &packs, &zip, &sha).unwrap();
         assert!(store(&assets(), &packs, &zip, "sha256:").is_err());
-        let _ = digest;
     }
 }

@@ -44,11 +44,11 @@ pub fn write(folder: &Folder, plan: &Plan, manifest: &Manifest) -> anyhow::Resul
 /// Authors and licenses of the world packs, from the first recording of each. A recording
 /// that cannot be read was reported when its episode was checked.
 fn credits(folder: &Folder, manifest: &Manifest) -> Vec<PackCredits> {
-    let mut seen = BTreeSet::new();
+    let mut listed = BTreeSet::new();
     let mut found: Vec<PackCredits> = Vec::new();
     for done in &manifest.episodes {
         let packs = done.scenario.get("packs").map(ToString::to_string);
-        if !packs.is_some_and(|packs| packs != "[]" && seen.insert(packs)) {
+        if !packs.is_some_and(|packs| packs != "[]" && listed.insert(packs)) {
             continue;
         }
         let recording = Recording::open(&folder.root().join(&done.file)).ok();
