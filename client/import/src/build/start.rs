@@ -102,7 +102,9 @@ pub(super) fn start_and_camera(
     let in_view = shapes.iter().filter(|shape| shape.high > height - VIEW);
     let in_view = in_view.filter(|shape| shape.piece.is_some() && shape.low < height + VIEW);
     let tall: Vec<&[Point]> = in_view.map(|shape| shape.outline.as_slice()).collect();
-    let [x, y] = rounded2(floor.camera(&room.outline, target, &tall));
+    let walls = shapes.iter().filter(|shape| shape.piece.is_none());
+    let walls: Vec<&[Point]> = walls.map(|shape| shape.outline.as_slice()).collect();
+    let [x, y] = rounded2(floor.camera(&room.outline, target, &tall, &walls));
     Ok((
         StartEntry {
             at: rounded2(start.at),
