@@ -12,6 +12,11 @@ const ENOUGH: f64 = 1.2;
 /// Least distance of the camera from walls and furniture, metres.
 const CAMERA_GAP: f64 = 0.3;
 
+/// Half the width of the free view of the camera over its first 1.5 m, metres.
+const VIEW_GAP: f64 = 0.25;
+/// Factor of the value of a place whose view is hidden.
+const HIDDEN: f64 = 0.2;
+
 /// An obstacle on the floor: a convex outline.
 pub struct Obstacle {
     /// Outline, metres of the pack.
@@ -131,9 +136,16 @@ impl FreeFloor {
         length
     }
 
-    /// A place for the camera in a corner of a room, with the widest view of its middle.
+    /// A place for the camera in a corner of a room, with the widest view of its middle, which
+    /// neither furniture that is `tall` nor `walls` hide.
     #[must_use]
-    pub fn camera(&self, outline: &[Point], target: Point) -> Point {
+    pub fn camera(
+        &self,
+        outline: &[Point],
+        target: Point,
+        tall: &[&[Point]],
+        walls: &[&[Point]],
+    ) -> Point {
         let count = outline.len();
         let mut best = (-1.0, target);
         for i in 0..count {
@@ -149,7 +161,13 @@ impl FreeFloor {
                 let at = [corner[0] + a[0] + b[0], corner[1] + a[1] + b[1]];
                 let inside = polygon::contains(outline, at)
                     && polygon::distance_to_outline(outline, at) >= CAMERA_GAP;
-                let value = polygon::distance(at, target).min(6.0) - 0.5 * share;
+                let mut value = polygon::distance(at, target).min(6.0) - 0.5 * share;
+                if tall.iter().any(|other| is_before(at, target, other)) {
+                    value *= HIDDEN;
+                }
+                if walls.iter().any(|wall| is_between(at, target, wall)) {
+                    value *= HIDDEN;
+                }
                 if inside && value > best.0 {
                     best = (value, at);
                 }
@@ -157,6 +175,24 @@ impl FreeFloor {
         }
         best.1
     }
+}
+
+/// Whether an outline is around a camera or close before it.
+fn is_before(at: Point, target: Point, outline: &[Point]) -> bool {
+    let far = polygon::distance(at, target).max(1.0e-9);
+    let ahead =
+        |length: f64| [0, 1].map(|axis| at[axis] + (target[axis] - at[axis]) * length / far);
+    let mut steps = (0..=15).map(|step| ahead(f64::from(step) * 0.1));
+    steps.any(|place| {
+        polygon::contains(outline, place) || polygon::distance_to_outline(outline, place) < VIEW_GAP
+    })
+}
+
+/// Whether the line from a camera to its target meets an outline.
+fn is_between(at: Point, target: Point, outline: &[Point]) -> bool {
+    let steps = (polygon::distance(at, target) / 0.05).ceil().max(1.0);
+    let place = |step: f64| [0, 1].map(|axis| at[axis] + (target[axis] - at[axis]) * step / steps);
+    (0..=steps as i32).any(|step| polygon::contains(outline, place(f64::from(step))))
 }
 
 /// Distances by two passes over the cells (chamfer 1, sqrt 2).
@@ -227,8 +263,13 @@ mod tests {
     #[test]
     fn camera_is_inside_and_far_from_its_target() {
         let floor = FreeFloor::new(&[&ROOM], &[], &[]).unwrap();
-        let at = floor.camera(&ROOM, [4.0, 3.0]);
+        let at = floor.camera(&ROOM, [4.0, 3.0], &[], &[]);
         assert!(polygon::contains(&ROOM, at));
         assert!(polygon::distance(at, [4.0, 3.0]) > 3.5, "{at:?}");
+        // A lamp in its view: another corner is better.
+        let lamp = [0.2, -0.2].map(|x| [0.2, -0.2].map(|y| [at[0] + 0.7 + x, at[1] + 0.6 + y]));
+        let lamp = [lamp[1][1], lamp[0][1], lamp[0][0], lamp[1][0]];
+        let other = floor.camera(&ROOM, [4.0, 3.0], &[&lamp], &[]);
+        assert!(polygon::distance(at, other) > 1.0, "{other:?}");
     }
 }

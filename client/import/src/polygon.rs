@@ -226,6 +226,69 @@ pub fn outside(polygon: &[Point], others: &[&[Point]]) -> Vec<Vec<Point>> {
     finished
 }
 
+/// Pieces that touch along a level side, joined where one outline without a hole results.
+/// `is_valid` accepts the joined outline.
+#[must_use]
+pub fn joined(mut pieces: Vec<Vec<Point>>, is_valid: impl Fn(&[Point]) -> bool) -> Vec<Vec<Point>> {
+    let mut first = 0;
+    while first < pieces.len() {
+        let others = first + 1..pieces.len();
+        let found = others.into_iter().find_map(|other| {
+            let whole = join(&pieces[first], &pieces[other])?;
+            is_valid(&whole).then_some((other, whole))
+        });
+        match found {
+            Some((other, whole)) => {
+                pieces.remove(other);
+                pieces[first] = whole;
+            }
+            None => first += 1,
+        }
+    }
+    pieces
+}
+
+/// One outline of two counter-clockwise ones that touch along one level side.
+fn join(a: &[Point], b: &[Point]) -> Option<Vec<Point>> {
+    const LEVEL: f64 = 1.0e-6;
+    const LEAST: f64 = 0.02;
+    let side = |of: &[Point], i: usize| (of[i], of[(i + 1) % of.len()]);
+    let is_level = |(p, q): (Point, Point)| (p[1] - q[1]).abs() < LEVEL;
+    let mut shared: Option<Vec<Point>> = None;
+    for i in 0..a.len() {
+        let (from, to) = side(a, i);
+        for j in 0..b.len() {
+            let (start, end) = side(b, j);
+            let meets = is_level((from, to)) && is_level((start, end)) && is_level((from, start));
+            // The sides run against each other.
+            let (low, high) = (from[0].min(to[0]), from[0].max(to[0]));
+            let low = low.max(start[0].min(end[0]));
+            let high = high.min(start[0].max(end[0]));
+            let against = (to[0] - from[0]) * (end[0] - start[0]) < 0.0;
+            if !meets || !against || high - low < LEAST {
+                continue;
+            }
+            if shared.is_some() {
+                return None;
+            }
+            let (first, last) = if to[0] > from[0] {
+                (low, high)
+            } else {
+                (high, low)
+            };
+            let mut whole = a[..=i].to_vec();
+            whole.push([first, from[1]]);
+            whole.extend((1..=b.len()).map(|k| b[(j + k) % b.len()]));
+            whole.push([last, from[1]]);
+            whole.extend_from_slice(&a[i + 1..]);
+            shared = Some(whole);
+        }
+    }
+    let whole = cleaned(&shared?, LEVEL);
+    let lost = area(a) + area(b) - area(&whole);
+    (lost.abs() < 1.0e-6 && is_simple(&whole)).then_some(whole)
+}
+
 fn close((left, mut right): (Vec<Point>, Vec<Point>)) -> Vec<Point> {
     right.extend(left.into_iter().rev());
     cleaned(&right, 1.0e-6)
@@ -311,6 +374,21 @@ mod tests {
             assert!(!contains(piece, [1.5, 2.0]));
         }
         assert_eq!(outside(&outer, &[]).len(), 1);
+    }
+
+    #[test]
+    fn pieces_beside_a_corner_become_one_and_a_ring_two() {
+        let outer = square(4.0);
+        let corner = [[3.0, 3.0], [4.0, 3.0], [4.0, 4.0], [3.0, 4.0]];
+        let island = [[1.0, 1.0], [2.0, 1.0], [2.0, 3.0], [1.0, 3.0]];
+        for (other, count) in [(corner, 1), (island, 2)] {
+            let pieces = joined(outside(&outer, &[&other]), |whole| is_simple(whole));
+            assert_eq!(pieces.len(), count, "{pieces:?}");
+            let sum: f64 = pieces.iter().map(|piece| area(piece)).sum();
+            assert!((sum - (16.0 - area(&other))).abs() < 1e-9);
+            assert!(pieces.iter().all(|piece| is_simple(piece)));
+            assert!(!pieces.iter().any(|piece| contains(piece, [1.5, 2.0])) || count == 1);
+        }
     }
 
     #[test]

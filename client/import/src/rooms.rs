@@ -1,4 +1,4 @@
-//! Rooms of the level: outlines without overlap, names; rooms that walls enclose when none is
+//! Rooms of the level: outlines without overlap, names; rooms that walls enclose where none is
 //! drawn.
 
 use std::collections::BTreeSet;
@@ -16,6 +16,8 @@ const OVERLAP: f64 = 0.02;
 const CELL: f64 = 0.05;
 /// Least area of an enclosed room, square metres.
 const LEAST_AREA: f64 = 1.5;
+/// Greatest share of an enclosed area that drawn rooms cover, so that it becomes a room.
+const MOST_DRAWN: f64 = 0.05;
 
 /// A room, metres of the pack.
 #[derive(Clone, Debug, PartialEq)]
@@ -121,7 +123,7 @@ pub fn rooms(
         let pieces = if over.is_empty() && is_simple {
             vec![outline.clone()]
         } else {
-            polygon::outside(outline, &over)
+            polygon::joined(polygon::outside(outline, &over), is_valid)
         };
         let source = &plan.home.rooms[*index];
         if !has_floor && !over.is_empty() {
@@ -164,16 +166,21 @@ pub fn rooms(
             });
         }
     }
+    let drawn = all.len();
+    all.extend(enclosed(walls, &all, &mut names));
+    let made = all.len() - drawn;
     if all.is_empty() {
-        all = enclosed(walls, &mut names);
-        if all.is_empty() {
-            let [x, y] = open_end(walls);
-            let name = name.to_owned();
-            return Err(ImportError::NoRoom { name, x, y });
-        }
+        let [x, y] = open_end(walls);
+        let name = name.to_owned();
+        return Err(ImportError::NoRoom { name, x, y });
+    }
+    if drawn == 0 {
         notes.push(format!(
-            "no room is drawn: {} rooms made from the walls; draw rooms to name them",
-            all.len()
+            "no room is drawn: {made} rooms made from the walls; draw rooms to name them"
+        ));
+    } else if made > 0 {
+        notes.push(format!(
+            "{made} rooms made from the walls, where walls enclose an area without a drawn room; draw rooms to name them"
         ));
     }
     Ok(all)
@@ -199,9 +206,9 @@ fn common(a: &[Point], b: &[Point]) -> f64 {
     polygon::area(a).abs() - left
 }
 
-/// Rooms that walls enclose: parts of a grid that the outside does not reach, openings of doors
-/// being closed.
-fn enclosed(walls: &[StraightWall], names: &mut Names) -> Vec<PlanRoom> {
+/// Rooms that walls enclose and that are not among the `drawn` ones: parts of a grid that the outside does not
+/// reach, openings of doors being closed.
+fn enclosed(walls: &[StraightWall], drawn: &[PlanRoom], names: &mut Names) -> Vec<PlanRoom> {
     let corners: Vec<Point> = walls.iter().flat_map(StraightWall::outline).collect();
     if corners.is_empty() {
         return Vec::new();
@@ -224,7 +231,15 @@ fn enclosed(walls: &[StraightWall], names: &mut Names) -> Vec<PlanRoom> {
     for part in grid.components(&free) {
         let size = part.len() as f64 * CELL * CELL;
         let is_open = part.first() == Some(&0);
+        let is_drawn = |cell: &&usize| {
+            let middle = grid.middle(**cell);
+            drawn.iter().any(|r| polygon::contains(&r.outline, middle))
+        };
         if is_open || size < LEAST_AREA {
+            continue;
+        }
+        let covered = part.iter().filter(is_drawn).count();
+        if covered as f64 > MOST_DRAWN * part.len() as f64 {
             continue;
         }
         let outline = trace(&grid, &part);
@@ -331,7 +346,7 @@ mod tests {
             .map(|i| wall(corners[i], corners[(i + 1) % 4]))
             .collect();
         walls.push(wall([2.0, 0.0], [2.0, 3.0]));
-        let rooms = enclosed(&walls, &mut Names::default());
+        let rooms = enclosed(&walls, &[], &mut Names::default());
         assert_eq!(rooms.len(), 2);
         assert_eq!(
             (rooms[0].name.as_str(), rooms[1].name.as_str()),
@@ -341,9 +356,13 @@ mod tests {
             assert!((room.area() - 1.9 * 2.9).abs() < 0.6, "{}", room.area());
             assert!(room.outline.len() <= 6, "{:?}", room.outline);
         }
+        // Only the area without a drawn room becomes another one.
+        let other = enclosed(&walls, &rooms[..1], &mut Names::default());
+        assert_eq!(other.len(), 1);
+        assert_eq!(other[0].outline, rooms[1].outline);
         walls.remove(3);
         walls.remove(3);
-        assert!(enclosed(&walls, &mut Names::default()).is_empty());
+        assert!(enclosed(&walls, &[], &mut Names::default()).is_empty());
         let [x, y] = open_end(&walls);
         assert!((x - 0.0).abs() < 0.1 && (y - 0.0).abs() < 3.2);
     }

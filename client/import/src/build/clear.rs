@@ -15,6 +15,8 @@ use crate::rooms::Names;
 const CELL: f64 = 0.02;
 /// Height that must be free above a surface, metres.
 const ROOM: f64 = 0.28;
+/// What rises less above a surface is level with it, metres.
+const FLUSH: f64 = 0.001;
 /// Largest number of parts of one surface.
 const MOST_PARTS: usize = 2;
 /// Least side of a surface, metres.
@@ -114,7 +116,7 @@ fn free_parts(
             let (from, to) = polygon::bounds(&shape.outline);
             let is_near = (0..2)
                 .all(|axis| from[axis] < middle[axis] + reach && to[axis] > middle[axis] - reach);
-            let is_above = shape.high > height + 0.004 && shape.low < height + ROOM;
+            let is_above = shape.high > height + FLUSH && shape.low < height + ROOM;
             shape.piece != Some(index) && is_above && is_near
         })
         .collect();

@@ -12,7 +12,7 @@ use crate::paint::Paints;
 use crate::plan::{Opening, Plan, StraightWall};
 use crate::polygon::{self, Point};
 use crate::rooms::PlanRoom;
-use crate::sh3d::{Baseboard, Cover, Rgb};
+use crate::sh3d::{Baseboard, Cover, Piece, Rgb};
 
 /// Colors of what has none.
 const WALL: Rgb = [236, 230, 218];
@@ -20,8 +20,9 @@ const FLOOR: Rgb = [179, 135, 90];
 const CEILING: Rgb = [244, 241, 234];
 /// Doors begin at most this high, metres: thresholds.
 const THRESHOLD: f64 = 0.20;
-/// Distance from a wall at which its rooms are looked up, metres.
-const BESIDE: f64 = 0.15;
+/// Distances from a wall at which its rooms are looked up, metres: outlines of rooms may leave
+/// a gap beside the wall.
+const BESIDE: [f64; 3] = [0.15, 0.3, 0.45];
 /// Largest number of boxes of baseboards.
 const MOST_BASEBOARDS: usize = 2_000;
 
@@ -64,25 +65,41 @@ pub fn walls(
     Ok(entries)
 }
 
-/// What becomes of the door or window of some openings.
+/// What becomes of a door or window with some openings. One between two ends of walls, in a gap,
+/// has none.
 #[must_use]
-pub fn passage(openings: &[&Opening], walls: &[StraightWall], rooms: &[PlanRoom]) -> Passage {
-    if openings.is_empty() || openings.iter().any(|opening| opening.sill > THRESHOLD) {
-        return Passage::Closed;
-    }
-    let leads = |opening: &&Opening| {
+pub fn passage(
+    plan: &Plan<'_>,
+    piece: &Piece,
+    openings: &[&Opening],
+    walls: &[StraightWall],
+    rooms: &[PlanRoom],
+) -> Passage {
+    // Middle, direction along the wall, and half its thickness.
+    let leads = |at: Point, [x, y]: Point, half: f64| {
+        [-1.0, 1.0].iter().all(|side| {
+            BESIDE.iter().any(|beyond| {
+                let off = side * (half + beyond);
+                let beside = [at[0] - y * off, at[1] + x * off];
+                let mut rooms = rooms.iter();
+                rooms.any(|room| polygon::contains(&room.outline, beside))
+            })
+        })
+    };
+    let of_wall = |opening: &&Opening| {
         let wall = &walls[opening.wall];
         let [x, y] = wall.direction();
         let at = [wall.from[0] + x * opening.at, wall.from[1] + y * opening.at];
-        let far = 0.5 * wall.thickness + BESIDE;
-        [-far, far].iter().all(|off| {
-            let beside = [at[0] - y * off, at[1] + x * off];
-            rooms
-                .iter()
-                .any(|room| polygon::contains(&room.outline, beside))
-        })
+        opening.sill <= THRESHOLD && leads(at, [x, y], 0.5 * wall.thickness)
     };
-    if openings.iter().all(leads) {
+    let is_open = if openings.is_empty() {
+        let (sin, cos) = exact::sin_cos(-piece.angle);
+        let half = 0.5 * piece.size[1] * METRES;
+        piece.elevation * METRES <= THRESHOLD && leads(plan.place(piece.at), [cos, sin], half)
+    } else {
+        openings.iter().all(of_wall)
+    };
+    if is_open {
         Passage::Open
     } else {
         Passage::Closed

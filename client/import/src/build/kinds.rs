@@ -27,6 +27,8 @@ const SURFACES: (f64, f64) = (0.30, 1.30);
 const OVERHEAD: f64 = 2.0;
 /// A piece on the floor that is thinner is driven over, metres.
 const FLAT: f64 = 0.025;
+/// Height up to which the lower part of a frame is a sill, metres.
+const SILL: f64 = 0.15;
 /// Coulomb coefficient of furniture.
 pub(super) const FRICTION: f64 = 0.5;
 /// What is done with a door of a room.
@@ -201,7 +203,10 @@ impl<'a> Kinds<'a> {
             }
         }
         let triangles = self.store(&name, &mut parts);
-        let solids = collision(piece, category, passage, model, &fitted, &carcass);
+        let mut solids = collision(piece, category, passage, model, &fitted, &carcass);
+        if passage == Passage::Open {
+            take_sill_out(&mut solids, &fitted);
+        }
         let corners: Vec<[Point3; 3]> = carcass
             .iter()
             .map(|&i| corners(model, &fitted, i))
@@ -327,14 +332,24 @@ fn collision(
     solids(&fitted.points, &triangles)
 }
 
+/// Takes the lower part of a frame out of the collision shapes of a passage: French windows of
+/// catalogs have one of 6 cm, which no wheelchair gets over.
+fn take_sill_out(solids: &mut Vec<Solid>, fitted: &Fitted) {
+    let (left, right) = (fitted.low[1], fitted.high[1]);
+    solids.retain(|solid| solid.high > SILL || !is_across(solid, left, right));
+}
+
+/// Whether a shape is in the middle half of a passage.
+fn is_across(solid: &Solid, left: f64, right: f64) -> bool {
+    let quarter = 0.25 * (right - left);
+    let (low, high) = crate::polygon::bounds(&solid.outline);
+    low[1] < right - quarter && high[1] > left + quarter
+}
+
 /// Whether shapes are in the middle half of a passage.
 fn blocks(solids: &[Solid], left: f64, right: f64) -> bool {
-    let quarter = 0.25 * (right - left);
-    solids.iter().any(|solid| {
-        let (low, high) = crate::polygon::bounds(&solid.outline);
-        let in_height = solid.low < 1.2 && solid.high > 0.15;
-        in_height && low[1] < right - quarter && high[1] > left + quarter
-    })
+    let mut in_height = solids.iter().filter(|s| s.low < 1.2 && s.high > SILL);
+    in_height.any(|solid| is_across(solid, left, right))
 }
 
 /// A collision shape as an entry: a box when it is one, otherwise a hull.

@@ -165,7 +165,7 @@ pub fn assemble(
     for (index, piece) in home.pieces.iter().enumerate() {
         let of: Vec<&plan::Opening> = openings.iter().filter(|o| o.piece == index).collect();
         let passage = match piece.kind {
-            PieceKind::DoorOrWindow => house::passage(&of, &walls, &rooms),
+            PieceKind::DoorOrWindow => house::passage(&plan, piece, &of, &walls, &rooms),
             _ => Passage::None,
         };
         let name = placer.piece(piece, passage)?;
@@ -239,7 +239,7 @@ pub fn assemble(
         tables.insert("baseboards".into(), kind);
         pieces.push(piece_entry("baseboards", "baseboards", [0.0; 3], 0.0));
     }
-    let (start, camera) = start_and_camera(options, &plan, &rooms, &blocks, &mut summary)?;
+    let (start, camera) = start_and_camera(options, &plan, &rooms, &blocks, &shapes, &mut summary)?;
     let license = license(home, options, &mut summary);
     let origin = origin(file, home);
     let home_file = HomeFile {

@@ -2,6 +2,7 @@
 
 use wheelarm_pack::{OpeningEntry, RoomCameraEntry, StartEntry};
 
+use crate::build::clear::Shape;
 use crate::build::{Options, Summary, rounded, rounded2, rounded3};
 use crate::error::ImportError;
 use crate::place::{FreeFloor, Obstacle, Start};
@@ -11,6 +12,8 @@ use crate::rooms::PlanRoom;
 
 /// Free circle that a wheelchair needs to start, metres.
 const CHAIR: f64 = 0.45;
+/// What is this close to the height of the camera is in its view, metres.
+const VIEW: f64 = 0.5;
 
 /// Walls without their passages, as obstacles.
 pub(super) fn wall_obstacles(walls: &[StraightWall], openings: &[OpeningEntry]) -> Vec<Obstacle> {
@@ -48,6 +51,7 @@ pub(super) fn start_and_camera(
     plan: &Plan<'_>,
     rooms: &[PlanRoom],
     obstacles: &[Obstacle],
+    shapes: &[Shape],
     summary: &mut Summary,
 ) -> Result<(StartEntry, RoomCameraEntry), ImportError> {
     let outlines: Vec<&[Point]> = rooms.iter().map(|room| room.outline.as_slice()).collect();
@@ -93,9 +97,14 @@ pub(super) fn start_and_camera(
     } else {
         start.at
     };
-    let [x, y] = rounded2(floor.camera(&room.outline, target));
     let look = [target[0], target[1], 0.7];
     let height = (plan.height - 0.35).clamp(1.2, 2.1);
+    let in_view = shapes.iter().filter(|shape| shape.high > height - VIEW);
+    let in_view = in_view.filter(|shape| shape.piece.is_some() && shape.low < height + VIEW);
+    let tall: Vec<&[Point]> = in_view.map(|shape| shape.outline.as_slice()).collect();
+    let walls = shapes.iter().filter(|shape| shape.piece.is_none());
+    let walls: Vec<&[Point]> = walls.map(|shape| shape.outline.as_slice()).collect();
+    let [x, y] = rounded2(floor.camera(&room.outline, target, &tall, &walls));
     Ok((
         StartEntry {
             at: rounded2(start.at),

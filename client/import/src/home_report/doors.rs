@@ -17,6 +17,8 @@ const BEFORE: f64 = 0.6;
 const HEIGHTS: [f64; 2] = [0.03, 1.9];
 /// Rooms are looked for this far from the wall, metres.
 const BESIDE: f64 = 0.25;
+/// Two openings with their middles this close are one, metres.
+const SAME: f64 = 0.1;
 /// Rounding of widths, metres.
 const ROUNDING: f64 = 1e-6;
 
@@ -33,6 +35,8 @@ pub struct DoorReport {
     pub opening: f64,
     /// Clear width, metres.
     pub clear_width: f64,
+    /// Whether a leaf closes it: doors to the outside. They are not counted.
+    pub closed: bool,
     /// Whether the chair drives through.
     pub passed: bool,
     /// Clear width of a barrier-free home by DIN 18040-2, 0.80 m.
@@ -49,7 +53,7 @@ pub fn test(home: &Home, floor: &Floor) -> Vec<DoorReport> {
     let solids: Vec<&Solid> = home.solids.iter().filter(|solid| counts(solid)).collect();
     let outlines: Vec<_> = solids.iter().map(|solid| solid.outline).collect();
     let places = floor.driven.places();
-    let passages = home.openings.iter().filter(|opening| opening.is_passage());
+    let passages = passages(home);
     let door = |opening: &Opening| {
         let mut passage = Passage {
             centre: opening.centre,
@@ -95,13 +99,30 @@ pub fn test(home: &Home, floor: &Floor) -> Vec<DoorReport> {
             at: opening.centre,
             opening: opening.width,
             clear_width,
+            closed: opening.closed,
             passed,
             din_barrier_free: clear_width >= DIN_DOORS[0] - ROUNDING,
             din_wheelchair: clear_width >= DIN_DOORS[1] - ROUNDING,
             blocked_by,
         }
     };
-    passages.map(door).collect()
+    passages.into_iter().map(door).collect()
+}
+
+/// The openings that a chair could drive through. Of two at one place, a frame with a door of
+/// its own, the first counts.
+fn passages(home: &Home) -> Vec<&Opening> {
+    let mut found: Vec<&Opening> = Vec::new();
+    for opening in home.openings.iter().filter(|opening| opening.is_passage()) {
+        let is_same = |other: &&Opening| {
+            let [along, across] = other.offset(opening.centre).map(f64::abs);
+            along < SAME && across < SAME && other.closed == opening.closed
+        };
+        if !found.iter().any(is_same) {
+            found.push(opening);
+        }
+    }
+    found
 }
 
 /// Whether a solid counts for the width of a door.

@@ -90,6 +90,7 @@ fn openings(file: &HomeFile) -> Vec<Opening> {
             width: place.width,
             heights: [entry.sill, entry.sill + entry.height],
             thickness: place.thickness,
+            closed: entry.leaf.is_some(),
         })
     };
     file.opening.iter().filter_map(opening).collect()

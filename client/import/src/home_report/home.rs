@@ -85,6 +85,8 @@ pub struct Opening {
     pub heights: [f64; 2],
     /// Thickness of the wall.
     pub thickness: f64,
+    /// Whether a leaf closes it: doors to the outside.
+    pub closed: bool,
 }
 
 /// A piece of furniture.

@@ -65,6 +65,8 @@ pub struct Summary {
     pub doors: usize,
     /// Of them, passed.
     pub doors_passed: usize,
+    /// Further doors, which are closed: they lead outside.
+    pub doors_closed: usize,
     /// Surfaces.
     pub surfaces: usize,
     /// Of them, reached.
@@ -73,6 +75,9 @@ pub struct Summary {
     pub leaves: usize,
     /// Of it, opened.
     pub leaves_opened: usize,
+    /// Further ones, with free floor before them to which the chair does not get: reached from
+    /// a start in their room.
+    pub surfaces_within: usize,
     /// Squares of 1.5 m in which a wheelchair turns.
     pub turning_squares: usize,
 }
@@ -133,12 +138,17 @@ impl Finding {
         let summary = Summary {
             rooms: indoors.clone().count(),
             rooms_entered: indoors.filter(|room| room.entered).count(),
-            doors: doors.len(),
+            doors: doors.iter().filter(|door| !door.closed).count(),
             doors_passed: doors.iter().filter(|door| door.passed).count(),
+            doors_closed: doors.iter().filter(|door| door.closed).count(),
             surfaces: surfaces.len(),
             surfaces_reached: surfaces.iter().filter(|s| s.strip.is_some()).count(),
             leaves: leaves.len(),
             leaves_opened: leaves.iter().filter(|leaf| leaf.stop.is_some()).count(),
+            surfaces_within: surfaces
+                .iter()
+                .filter(|s| s.reason == Some(Reason::NotConnected))
+                .count(),
             turning_squares: rooms.iter().map(|room| room.turning_squares.len()).sum(),
         };
         let mut report = HomeReport {

@@ -7,13 +7,16 @@ use base64::engine::general_purpose::STANDARD;
 
 use super::HomeReport;
 use super::rooms::DIN_TURNING;
-use super::text::{advice, door_words, move_words, room_words, surface_words};
+use super::text::{advice, door_words, move_words, room_words, surface_name, surface_words};
 
 const STYLE: &str = "body{font:11pt/1.4 sans-serif;max-width:60em;margin:2em auto;padding:0 1em;color:#222}\
 h1{font-size:1.5em}h2{font-size:1.15em;margin-top:1.6em}table{border-collapse:collapse;width:100%}\
 td,th{text-align:left;vertical-align:top;padding:.25em .6em;border-bottom:1px solid #ccc}\
-img{max-width:100%;border:1px solid #ccc}.yes{color:#2b8a3e}.no{color:#c92a2a}\
-@media print{body{margin:0}h2,tr,img{break-inside:avoid}}";
+td:first-child{width:38%}img{display:block;margin:auto;max-width:100%;max-height:40em;border:1px solid #ccc}\
+.yes{color:#2b8a3e}.no{color:#c92a2a}.yes:before{content:\"✓ \"}.no:before{content:\"– \"}\
+@page{margin:15mm}@media print{body{margin:0;max-width:none;font-size:9.5pt}\
+h2{break-after:avoid}tr,img{break-inside:avoid}img{max-height:150mm}\
+*{print-color-adjust:exact;-webkit-print-color-adjust:exact}}";
 
 /// The page; `plan` is the PNG of the plan.
 ///
@@ -28,13 +31,15 @@ pub fn page(report: &HomeReport, plan: &[u8]) -> Result<String, fmt::Error> {
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{home}</title>\
 <style>{STYLE}</style></head><body>\n<h1>{home}: what the robot reaches</h1>\n\
 <p>The chair gets into <b>{} of {}</b> rooms and through <b>{} of {}</b> doors. \
-The arm reaches <b>{} of {}</b> surfaces. There are {} places of {DIN_TURNING} m x {DIN_TURNING} m to turn.</p>\n",
+The arm reaches <b>{} of {}</b> surfaces, and {} more from a start in their room. \
+Places of {DIN_TURNING} m x {DIN_TURNING} m to turn: {}.</p>\n",
         sum.rooms_entered,
         sum.rooms,
         sum.doors_passed,
         sum.doors,
         sum.surfaces_reached,
         sum.surfaces,
+        sum.surfaces_within,
         sum.turning_squares
     )?;
     if let Some(advice) = advice(report) {
@@ -43,8 +48,10 @@ The arm reaches <b>{} of {}</b> surfaces. There are {} places of {DIN_TURNING} m
     writeln!(
         out,
         "<p><img alt=\"Plan of the home\" src=\"data:image/png;base64,{}\"></p>\n\
-<p>Blue floor: the chair drives there. Green floor: it turns on the spot. Green surfaces are \
-reached, orange ones are not. Numbers are clear widths of doors in metres.</p>",
+<p>Blue floor: the middle of the driven wheels gets there. Green floor: the chair turns on the \
+spot. Green surfaces are reached, orange ones are not; they have the numbers of the table below. \
+A blue line leads from a stop of the chair to a surface. Figures in doors are clear widths in \
+metres.</p>",
         STANDARD.encode(plan)
     )?;
     writeln!(
@@ -63,10 +70,14 @@ reached, orange ones are not. Numbers are clear widths of doors in metres.</p>",
     });
     table(&mut out, "Rooms", rooms)?;
     let doors = report.doors.iter();
-    let doors = doors.map(|door| (door.between.join(" - "), door_words(door), door.passed));
+    let doors = doors.map(|door| {
+        let is_good = door.passed || door.closed;
+        (door.between.join(" - "), door_words(door), is_good)
+    });
     table(&mut out, "Doors", doors)?;
-    let surfaces = report.surfaces.iter().map(|surface| {
-        let name = format!("{}/{}", surface.piece, surface.surface);
+    let surfaces = report.surfaces.iter().enumerate();
+    let surfaces = surfaces.map(|(index, surface)| {
+        let name = format!("{}. {}", index + 1, surface_name(surface));
         (name, surface_words(surface), surface.strip.is_some())
     });
     table(&mut out, "Surfaces", surfaces)?;

@@ -11,6 +11,7 @@ use wheelarm_planning::footprint_check::Rectangle;
 
 use super::Finding;
 use super::home::{Home, Owner, Solid};
+use crate::polygon;
 
 /// Largest side of the image, pixels.
 const LARGEST: f64 = 1600.0;
@@ -193,17 +194,43 @@ fn words(paper: &Paper<'_>, view: &View, home: &Home, finding: &Finding) -> Draw
     };
     for (room, found) in home.rooms.iter().zip(&report.rooms) {
         let share = format!("{:.0} %", found.driven * 100.0);
-        let (x, y) = view.at(room.middle());
+        let (x, y) = view.at(middle(&room.outline));
         let line = view.letters() as i32;
         paper.draw(&Text::new(legible(&room.name), (x, y), style(INK)))?;
         paper.draw(&Text::new(share, (x, y + line), style(INK)))?;
     }
+    for (index, surface) in home.surfaces.iter().enumerate() {
+        let number = (index + 1).to_string();
+        let style = style(PAPER);
+        paper.draw(&Text::new(number, view.at(surface.centre), style))?;
+    }
     for door in &report.doors {
         let colour = if door.passed { PASSED } else { BLOCKED };
-        let width = format!("{:.2}", door.clear_width);
+        let width = match door.closed {
+            true => "closed".to_owned(),
+            false => format!("{:.2}", door.clear_width),
+        };
         paper.draw(&Text::new(width, view.at(door.at), style(colour)))?;
     }
     Ok(())
+}
+
+/// The place inside an outline that is farthest from it, of some on a grid.
+fn middle(outline: &[[f64; 2]]) -> [f64; 2] {
+    const STEPS: i32 = 24;
+    let (low, high) = polygon::bounds(outline);
+    let mut best = (0.0, low);
+    for i in 1..STEPS {
+        for j in 1..STEPS {
+            let share = [i, j].map(|step| f64::from(step) / f64::from(STEPS));
+            let at = [0, 1].map(|axis| low[axis] + share[axis] * (high[axis] - low[axis]));
+            let far = polygon::distance_to_outline(outline, at);
+            if polygon::contains(outline, at) && far > best.0 + 1.0e-6 {
+                best = (far, at);
+            }
+        }
+    }
+    best.1
 }
 
 /// Words without characters that the font lacks.

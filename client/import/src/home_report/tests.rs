@@ -49,6 +49,7 @@ fn two_rooms(door: f64) -> Home {
             room("kitchen", [4.1, 8.1], [0.0, 4.0]),
         ],
         openings: vec![Opening {
+            closed: false,
             kind: OpeningKind::Door,
             centre: [4.05, 2.0],
             along: [0.0, 1.0],

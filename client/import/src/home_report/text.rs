@@ -14,14 +14,15 @@ pub fn text(report: &HomeReport) -> Result<String, fmt::Error> {
     let (robot, sum) = (&report.robot, &report.summary);
     writeln!(
         out,
-        "{}: the chair gets into {} of {} rooms and through {} of {} doors; the arm reaches {} of {} surfaces",
+        "{}: the chair gets into {} of {} rooms and through {} of {} doors; the arm reaches {} of {} surfaces, and {} more from a start in their room",
         report.home,
         sum.rooms_entered,
         sum.rooms,
         sum.doors_passed,
         sum.doors,
         sum.surfaces_reached,
-        sum.surfaces
+        sum.surfaces,
+        sum.surfaces_within
     )?;
     writeln!(
         out,
@@ -44,10 +45,15 @@ pub fn text(report: &HomeReport) -> Result<String, fmt::Error> {
         let between = door.between.join(" - ");
         writeln!(out, "  {between:36} {}", door_words(door))?;
     }
-    writeln!(out, "\nsurfaces")?;
-    for surface in &report.surfaces {
-        let name = format!("{}/{}", surface.piece, surface.surface);
-        writeln!(out, "  {name:36} {}", surface_words(surface))?;
+    writeln!(out, "\nsurfaces, with their numbers in the plan")?;
+    for (index, surface) in report.surfaces.iter().enumerate() {
+        let name = surface_name(surface);
+        writeln!(
+            out,
+            "  {:3} {name:40} {}",
+            index + 1,
+            surface_words(surface)
+        )?;
     }
     if !report.leaves.is_empty() {
         writeln!(
@@ -76,7 +82,17 @@ pub(super) fn advice(report: &HomeReport) -> Option<String> {
             "{name}: the chair fits nowhere in the home; see the plan, and draw rooms with free floor"
         ));
     }
+    let is_entered = |name: &str| {
+        let mut rooms = report.rooms.iter();
+        rooms.any(|room| room.name == name && room.entered)
+    };
+    let leads_on = |door: &&DoorReport| {
+        let mut unentered = report.rooms.iter().filter(|r| !r.entered && !r.outdoors);
+        unentered.any(|room| door.between.contains(&room.name))
+            && door.between.iter().any(|name| is_entered(name))
+    };
     let blocked = report.doors.iter().filter(|door| !door.passed);
+    let blocked = blocked.filter(leads_on);
     let narrowest = blocked.min_by(|a, b| a.clear_width.total_cmp(&b.clear_width));
     match narrowest {
         Some(door) if sum.rooms_entered < sum.rooms => Some(format!(
@@ -94,7 +110,7 @@ pub(super) fn advice(report: &HomeReport) -> Option<String> {
 }
 
 pub(super) fn room_words(room: &RoomReport) -> String {
-    let mut words = format!("{:5.1} m2  ", room.area);
+    let mut words = format!("{:5.1} m², ", room.area);
     words += match (room.outdoors, room.entered) {
         (true, _) => "outside, not counted",
         (false, true) => "entered",
@@ -118,6 +134,9 @@ pub(super) fn room_words(room: &RoomReport) -> String {
 }
 
 pub(super) fn door_words(door: &DoorReport) -> String {
+    if door.closed {
+        return "closed: it leads outside".to_owned();
+    }
     let passed = match door.passed {
         true => "passed",
         false => "not passed",
@@ -132,6 +151,12 @@ pub(super) fn door_words(door: &DoorReport) -> String {
         words += &format!("; before it: {}", door.blocked_by.join(", "));
     }
     words
+}
+
+/// Name of a surface, with its room.
+pub(super) fn surface_name(surface: &SurfaceReport) -> String {
+    let room = surface.room.as_deref().unwrap_or("no room");
+    format!("{room}: {}/{}", surface.piece, surface.surface)
 }
 
 pub(super) fn surface_words(surface: &SurfaceReport) -> String {

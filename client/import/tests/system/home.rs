@@ -172,6 +172,54 @@ fn leaf_of_a_room_door_is_taken_out() {
 }
 
 #[test]
+fn door_between_two_ends_of_walls_is_a_passage() {
+    let wall = "<wall id='wall4' xStart='400' yStart='0' xEnd='400' yEnd='400'";
+    let parts = "<wall id='wall5' xStart='400' yStart='0' xEnd='400' yEnd='104' thickness='10'/>\
+        <wall id='wall4' xStart='400' yStart='196' xEnd='400' yEnd='400'";
+    let flat = Flat::new().with(wall, parts);
+    // Rooms may leave a gap beside their walls.
+    let flat = flat.with(
+        "<point x='395' y='5'/><point x='395' y='395'/>",
+        "<point x='370' y='5'/><point x='370' y='395'/>",
+    );
+    let pack = imported(&flat).pack;
+    let kind = &pack.kinds()[&piece(&pack, "door").kind];
+    for part in kind.collision.as_ref().unwrap() {
+        let (low, high) = extent(part);
+        assert!(low[2] > 2.0 || low[1].max(-high[1]) >= 0.39, "{part:?}");
+    }
+}
+
+#[test]
+fn sill_of_a_passage_does_not_collide() {
+    let window = boxes(&[
+        ("left", "white", [-0.45, 0.0, -0.06], [-0.40, 2.05, 0.06]),
+        ("right", "white", [0.40, 0.0, -0.06], [0.45, 2.05, 0.06]),
+        ("sill", "white", [-0.40, 0.0, -0.06], [0.40, 0.06, 0.06]),
+        (
+            "sweethome3d_opening_on_hinge_1_pane",
+            "glass",
+            [-0.40, 0.06, 0.0],
+            [0.40, 2.05, 0.02],
+        ),
+        (
+            "sweethome3d_hinge_1",
+            "silver",
+            [-0.40, 0.06, 0.0],
+            [-0.39, 2.05, 0.01],
+        ),
+    ]);
+    let pack = imported(&Flat::new().file("1/door.obj", window.as_bytes())).pack;
+    let kind = &pack.kinds()[&piece(&pack, "door").kind];
+    let parts = kind.collision.as_ref().unwrap();
+    assert!(!parts.is_empty());
+    for part in parts {
+        let (low, high) = extent(part);
+        assert!(low[1].max(-high[1]) >= 0.39, "{part:?}");
+    }
+}
+
+#[test]
 fn door_without_a_leaf_group_leaves_its_opening_free() {
     let solid = boxes(&[("door", "white", [-0.45, 0.0, -0.05], [0.45, 2.1, 0.05])]);
     let flat = Flat::new().file("1/door.obj", solid.as_bytes());
@@ -336,6 +384,32 @@ fn rooms_are_made_from_walls_when_none_is_drawn() {
         error.starts_with("flat: no room is closed; draw rooms or close the wall near ("),
         "{error}"
     );
+}
+
+#[test]
+fn closed_area_without_a_drawn_room_becomes_a_room() {
+    let kitchen = "<room name='Küche'>";
+    let text = String::from_utf8(Flat::new().files[0].1.clone()).unwrap();
+    let from = text.find(kitchen).unwrap();
+    let text = format!("{}</home>", &text[..from]);
+    let flat = Flat::new().file("Home.xml", text.as_bytes());
+    let imported = imported(&flat);
+    let home = imported.pack.home().unwrap();
+    let names: Vec<&str> = home.room.iter().map(|room| room.name.as_str()).collect();
+    assert_eq!(names, ["wohnzimmer", "room"]);
+    assert!(wheelarm_pack::contains(&home.room[1].outline, [2.0, 0.0]));
+    assert!(imported.summary.notes[0].starts_with("1 rooms made from the walls"));
+}
+
+#[test]
+fn licence_that_is_not_stated_names_the_model() {
+    let flat = Flat::new().with(
+        "<pieceOfFurniture catalogId='test#chair'",
+        "<pieceOfFurniture catalogId='test#chair' license='all rights reserved'",
+    );
+    let notes = imported(&flat).summary.notes;
+    let expected = "licence of chair is not stated; give --licence or the pack is refused by plans with licence = \"commercial\"";
+    assert!(notes.iter().any(|note| note == expected), "{notes:?}");
 }
 
 #[test]
