@@ -21,9 +21,6 @@ const SLIP: f64 = 0.02;
 const BACK: f64 = 0.08;
 /// Longest time for the chair to pull, seconds.
 const LONGEST: f64 = 12.0;
-/// Most paths of the arm one after another along an arc: a chair that backs away turns no
-/// hand, so that a handle slips out of it.
-const MOST_ARCS: u32 = 4;
 
 #[derive(Clone, Debug)]
 enum State {
@@ -37,8 +34,6 @@ enum State {
 #[derive(Clone, Debug)]
 pub struct Pull {
     state: State,
-    /// Paths of the arm so far.
-    arcs: u32,
 }
 
 impl Pull {
@@ -47,7 +42,6 @@ impl Pull {
     pub fn new() -> Self {
         Self {
             state: State::Choose,
-            arcs: 0,
         }
     }
 }
@@ -88,23 +82,12 @@ impl Skill for Pull {
                 let start = now.house_from_desired();
                 let way = if left > 0.0 { way } else { 0.0 };
                 let pulled = |share: f64| joint.carried(&start, way * share);
-                let mut shares = SHARES.into_iter();
                 // A handle slips out of a hand that is late.
-                let share = match joint.motion {
-                    JointMotion::Slides => {
-                        let whole = shares.find(|share| now.reaches_gently(&pulled(*share)));
-                        whole.or_else(|| {
-                            let mut shares = SHARES.into_iter();
-                            shares.find(|share| now.reaches(&pulled(*share)))
-                        })
-                    }
-                    // The farthest: the chair opens the rest of a drawer, not of a door.
-                    JointMotion::Turns => shares.find(|share| {
-                        let stops = pulled(*share);
-                        now.reaches_gently(&stops) || now.reaches(&stops)
-                    }),
-                };
-                self.arcs += 1;
+                let whole = (SHARES.into_iter()).find(|share| now.reaches_gently(&pulled(*share)));
+                let share = whole.or_else(|| {
+                    let mut shares = SHARES.into_iter();
+                    shares.find(|share| now.reaches(&pulled(*share)))
+                });
                 self.state = match share {
                     Some(share) => {
                         let speed = 0.7 * now.profile.carry_speed;
@@ -125,12 +108,8 @@ impl Skill for Pull {
                     if left <= short {
                         return Step::Done;
                     }
-                    let again = joint.motion == JointMotion::Turns && self.arcs < MOST_ARCS;
-                    self.state = match again {
-                        true => State::Choose,
-                        false => State::Chair {
-                            since: now.observation.time,
-                        },
+                    self.state = State::Chair {
+                        since: now.observation.time,
                     };
                     Step::Going(act)
                 }
