@@ -3,9 +3,11 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use nalgebra::{Isometry3, Vector3};
 use wheelarm_pack::Pack;
 use wheelarm_planning::floor_map::{DRIVE_CLEARANCE, STOWED_CLEARANCE};
 use wheelarm_planning::footprint_check::{FootprintCheck, Outline, Pose2};
+use wheelarm_proto::exact;
 use wheelarm_proto::settings::Starts;
 
 use super::super::grasp_reach::GraspReach;
@@ -15,6 +17,16 @@ use crate::people::{Person, PersonSetting};
 use crate::robot::{OutlineSettings, RobotModel};
 use crate::scene::Scene;
 use crate::scene::tests::{assets, home};
+
+/// A start on the floor plan.
+fn on_floor(start: &Isometry3<f64>) -> Pose2 {
+    let forward = start.rotation * Vector3::x();
+    Pose2 {
+        x: start.translation.x,
+        y: start.translation.y,
+        heading: exact::atan2(forward.y, forward.x),
+    }
+}
 
 /// Kitchen and hall with a door of 0.9 m, a study that the chair enters in its travel posture
 /// only, and a store without a door, with a table behind the wall to the hall.
@@ -133,12 +145,7 @@ fn starts_by_the_maps_use_every_reached_room_and_no_closed_one() {
         let sample = rooms.sample(&rooms.task.area, seed, &floor);
         assert!(sample.has_start && sample.has_reach, "seed {seed}");
         let at = sample.start.translation.vector;
-        let forward = sample.start.rotation * nalgebra::Vector3::x();
-        let pose = Pose2 {
-            x: at.x,
-            y: at.y,
-            heading: forward.y.atan2(forward.x),
-        };
+        let pose = on_floor(&sample.start);
         let is_in =
             |[x0, x1, y0, y1]: [f64; 4]| (x0..x1).contains(&at.x) && (y0..y1).contains(&at.y);
         let room = ROOMS.iter().position(|(_, room)| is_in(*room));
@@ -204,12 +211,7 @@ fn starts_by_the_maps_are_clear_of_the_person() {
         assert!(sample.has_start, "seed {seed}");
         assert_eq!(sample.arm, Some(home));
         let at = sample.start.translation.vector;
-        let forward = sample.start.rotation * nalgebra::Vector3::x();
-        let pose = Pose2 {
-            x: at.x,
-            y: at.y,
-            heading: forward.y.atan2(forward.x),
-        };
+        let pose = on_floor(&sample.start);
         assert!(check.is_free(&pose, DRIVE_CLEARANCE), "{pose:?}");
         assert!(at.y < 4.1, "the study needs the travel posture: {pose:?}");
     }

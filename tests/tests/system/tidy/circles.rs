@@ -237,6 +237,7 @@ const DATASET: [&str; 29] = [
     "label",
     "annotate",
     "sheet",
+    "credits",
     "convert",
     "plot",
     "composition",
