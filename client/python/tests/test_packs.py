@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import pathlib
 import shutil
 import zipfile
 
 import pytest
-from conftest import ROOT
 
 import wheelarm
 from wheelarm import packs
 
+ROOT = pathlib.Path(__file__).resolve().parents[3]
 FLAT = ROOT / "tests/data/flat"
 
 
