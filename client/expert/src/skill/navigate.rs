@@ -43,6 +43,9 @@ enum State {
     },
 }
 
+/// Greatest speed with the arm stowed, m/s: the chair begins to turn late, and doors are narrow.
+const STOWED_SPEED: f64 = 0.2;
+
 /// See the module.
 #[derive(Clone, Debug)]
 pub struct Navigate {
@@ -121,6 +124,7 @@ impl Navigate {
         for margin in [now.profile.path.margin, STOWED_CLEARANCE] {
             let mut profile = *now.profile;
             profile.path.margin = margin;
+            profile.drive.speed = profile.drive.speed.min(STOWED_SPEED);
             let mut stowed = Now {
                 scene: &scene,
                 goal: now.goal,
