@@ -544,11 +544,8 @@ async fn serve(args: Args) -> anyhow::Result<()> {
     if args.list_tasks {
         let robot = args.robot.clone().unwrap_or(Scenario::default().robot);
         let model = RobotModel::load(&assets, &robot)?;
-        let scene = match &args.scene {
-            Some(_) => Some(scene_of(&assets, &packs, &args.scenario()?)?),
-            None => None,
-        };
-        let tasks = service::tasks(&assets, scene.as_ref(), &model.settings.gripper.corridor)
+        let scene = scene_of(&assets, &packs, &args.scenario()?)?;
+        let tasks = service::tasks(&assets, Some(&scene), &model.settings.gripper.corridor)
             .map_err(anyhow::Error::msg)?;
         if args.json {
             println!("{}", tasks_to_json(&tasks)?);
