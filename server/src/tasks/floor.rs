@@ -48,6 +48,9 @@ const PREFERENCES: PathPreferences = PathPreferences {
     margin: DRIVE_CLEARANCE,
 };
 
+/// Outlines by height, bottom up: upper end in metres, and outline.
+type Outlines = Vec<(f64, Outline)>;
+
 /// The floor of a home with one robot on it.
 #[derive(Clone, Debug)]
 pub struct Floor {
@@ -62,7 +65,7 @@ pub struct Floor {
     closed: f64,
     /// The travel posture, where the arm is clear of the person in it: outlines of the
     /// robot, and positions of the arm, radians.
-    travel: Option<(Vec<(f64, Outline)>, [f64; 6])>,
+    travel: Option<(Outlines, [f64; 6])>,
     /// Least and greatest distance from the arm's base to a grasp, metres.
     range: [f64; 2],
     maps: Option<Maps>,
@@ -467,7 +470,7 @@ impl Floor {
 }
 
 /// Outlines by height, bottom up.
-fn outlines(settings: &[OutlineSettings]) -> Vec<(f64, Outline)> {
+fn outlines(settings: &[OutlineSettings]) -> Outlines {
     let outline = |o: &OutlineSettings| (o.top, Outline { sides: o.footprint });
     settings.iter().map(outline).collect()
 }
@@ -514,7 +517,7 @@ fn middle(start: &StartSpec) -> Pose2 {
 }
 
 /// Footprint check of a chair with these outlines against the furniture of `scene`.
-fn footprint_check(outlines: Vec<(f64, Outline)>, scene: &Scene) -> FootprintCheck {
+fn footprint_check(outlines: Outlines, scene: &Scene) -> FootprintCheck {
     let mut check = FootprintCheck::from_outlines(outlines);
     for (index, body) in scene.furniture.iter().enumerate() {
         let out = scene.joint_of(index).map(|joint| {
