@@ -146,7 +146,7 @@ fn measure(options: &Options, robot: &RobotModel, own: &Scene, home: &str) -> Re
         .collect();
     let awake_us = ticks(&mut world, |world, tick| {
         let object = rigid[tick % rigid.len()];
-        let sign = if tick / rigid.len() % 2 == 0 {
+        let sign = if (tick / rigid.len()).is_multiple_of(2) {
             1.0
         } else {
             -1.0

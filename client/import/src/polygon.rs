@@ -382,7 +382,7 @@ mod tests {
         let corner = [[3.0, 3.0], [4.0, 3.0], [4.0, 4.0], [3.0, 4.0]];
         let island = [[1.0, 1.0], [2.0, 1.0], [2.0, 3.0], [1.0, 3.0]];
         for (other, count) in [(corner, 1), (island, 2)] {
-            let pieces = joined(outside(&outer, &[&other]), |whole| is_simple(whole));
+            let pieces = joined(outside(&outer, &[&other]), is_simple);
             assert_eq!(pieces.len(), count, "{pieces:?}");
             let sum: f64 = pieces.iter().map(|piece| area(piece)).sum();
             assert!((sum - (16.0 - area(&other))).abs() < 1e-9);

@@ -50,7 +50,7 @@ fn target_stands_in_the_reached_strip_with_room_for_the_hand() {
         for seed in seeds {
             let (task, variant, scene, sample) = sampled(name, &scene, seed);
             assert!(!task.is_query());
-            assert_eq!(task.targets, [sample.target.clone()]);
+            assert_eq!(task.targets, std::slice::from_ref(&sample.target));
             assert!(sample.scene.clearance >= 0.0, "{name} {seed}");
             let place = scene.place_named(&variant.name).expect("a place");
             let surface = scene.surface_named(&place.furniture, Some(&place.surface));
