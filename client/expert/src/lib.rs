@@ -25,4 +25,4 @@ pub mod skill;
 pub mod tool_path;
 
 #[cfg(test)]
-mod operator_tests;
+mod tests;

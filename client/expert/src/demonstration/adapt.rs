@@ -265,7 +265,7 @@ mod tests {
             from_above: false,
             force: None,
         };
-        let mut scene = crate::operator_tests::home_scene();
+        let mut scene = crate::tests::home_scene();
         scene.grasps = vec![grasp(0.0, false), grasp(PI, false)];
         assert_eq!(turns(&scene, 0), [0.0, PI]);
         scene.grasps = vec![grasp(0.0, false)];
