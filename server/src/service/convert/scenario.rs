@@ -322,12 +322,14 @@ pub fn scenario_over(now: &Scenario, request: &v1::Scenario) -> Result<Scenario,
         });
     }
     let named = !scene.is_empty() || !robot.is_empty();
-    let elsewhere = Starts::from_proto(request.starts()).is_some_and(|starts| starts != now.starts);
-    let other = variant.is_some() && *variant != now.variant;
+    let moves_start =
+        Starts::from_proto(request.starts()).is_some_and(|starts| starts != now.starts);
+    let changes_variant = variant.is_some() && *variant != now.variant;
     let rules = draws.map(sampling_rules).transpose()?;
-    let by_others = rules.is_some() && rules != now.draws;
-    let anew = task.is_some() || seed.is_some() || elsewhere || other || by_others;
-    if named || anew {
+    let changes_rules = rules.is_some() && rules != now.draws;
+    let resamples =
+        task.is_some() || seed.is_some() || moves_start || changes_variant || changes_rules;
+    if named || resamples {
         s.clear_sampled();
     }
     if !robot.is_empty() && *robot != now.robot {
