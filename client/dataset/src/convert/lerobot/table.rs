@@ -1,24 +1,24 @@
-//! Parquet files by Arrow. A column defines its name, its type and its values at
-//! once; a file takes the columns of its first rows and no others.
+//! Parquet files. A column defines its name, its type and its values at once; a file
+//! takes the columns of its first rows and no others. Written by levels, as the format
+//! stores them: Arrow, which would compute them, takes a minute to compile.
 
 use std::fs::File;
 use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Context;
-use arrow_array::{
-    Array, ArrayRef, BinaryArray, BooleanArray, Float32Array, Float64Array, Int64Array, ListArray,
-    RecordBatch, StringArray, StructArray,
+use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical};
+use parquet::data_type::{
+    BoolType, ByteArray, ByteArrayType, DataType, DoubleType, FloatType, Int64Type,
 };
-use arrow_buffer::OffsetBuffer;
-use arrow_schema::{DataType, Field, Fields, Schema};
-use parquet::arrow::ArrowWriter;
-use parquet::arrow::arrow_writer::ArrowWriterOptions;
-use parquet::basic::Compression;
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::{EnabledStatistics, WriterProperties};
+use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
+use parquet::schema::types::{Type, TypePtr};
 
 use crate::publish;
+
+type Group<'a> = SerializedRowGroupWriter<'a, File>;
 
 /// A column for some rows.
 #[derive(Clone, Debug)]
@@ -64,93 +64,229 @@ pub struct Annotation {
     pub camera: Option<String>,
 }
 
-impl Cells {
-    fn array(self) -> ArrayRef {
-        match self {
-            Self::F32(shape, values) => nested(Arc::new(Float32Array::from(values)), &shape),
-            Self::F64(shape, values) => nested(Arc::new(Float64Array::from(values)), &shape),
-            Self::I64(shape, values) => nested(Arc::new(Int64Array::from(values)), &shape),
-            Self::Bool(values) => Arc::new(BooleanArray::from(values)),
-            Self::Text(shape, values) => nested(Arc::new(StringArray::from(values)), &shape),
-            Self::Image(images) => {
-                let bytes = images.iter().map(|(bytes, _)| bytes.as_slice());
-                let paths = images.iter().map(|(_, path)| path.as_str());
-                let parts: Vec<ArrayRef> = vec![
-                    Arc::new(BinaryArray::from_iter_values(bytes)),
-                    Arc::new(StringArray::from_iter_values(paths)),
-                ];
-                let fields = Fields::from(vec![
-                    Field::new("bytes", DataType::Binary, true),
-                    Field::new("path", DataType::Utf8, true),
-                ]);
-                Arc::new(StructArray::new(fields, parts, None))
+/// A value that may be missing.
+fn leaf(name: &str, physical: Physical, logical: Option<LogicalType>) -> anyhow::Result<TypePtr> {
+    let leaf = Type::primitive_type_builder(name, physical).with_logical_type(logical);
+    Ok(Arc::new(
+        leaf.with_repetition(Repetition::OPTIONAL).build()?,
+    ))
+}
+
+fn text(name: &str) -> anyhow::Result<TypePtr> {
+    leaf(name, Physical::BYTE_ARRAY, Some(LogicalType::String))
+}
+
+/// Fields that may be missing together.
+fn group(name: &str, fields: Vec<TypePtr>) -> anyhow::Result<TypePtr> {
+    let group = Type::group_type_builder(name).with_fields(fields);
+    Ok(Arc::new(
+        group.with_repetition(Repetition::OPTIONAL).build()?,
+    ))
+}
+
+/// A list whose elements have the type `element`.
+fn list(name: &str, element: TypePtr) -> anyhow::Result<TypePtr> {
+    let entries = Type::group_type_builder("list")
+        .with_fields(vec![element])
+        .with_repetition(Repetition::REPEATED)
+        .build()?;
+    let list = Type::group_type_builder(name)
+        .with_fields(vec![Arc::new(entries)])
+        .with_logical_type(Some(LogicalType::List))
+        .with_repetition(Repetition::OPTIONAL);
+    Ok(Arc::new(list.build()?))
+}
+
+/// Lists of lists of the lengths of `shape`, without a shape the value itself.
+fn nested(
+    name: &str,
+    shape: &[usize],
+    physical: Physical,
+    logical: Option<LogicalType>,
+) -> anyhow::Result<TypePtr> {
+    anyhow::ensure!(
+        !shape.contains(&0),
+        "column {name}: its shape {shape:?} has no values"
+    );
+    match shape.split_first() {
+        None => leaf(name, physical, logical),
+        Some((_, inner)) => list(name, nested("element", inner, physical, logical)?),
+    }
+}
+
+/// Repetition level of each of `count` values in lists of the lengths of `shape`: the
+/// number of lists around the value that go on. 0 begins a row.
+fn repetition(shape: &[usize], count: usize) -> Vec<i16> {
+    (0..count)
+        .map(|index| {
+            let mut block = 1;
+            let inner = shape.iter().rev().take_while(|&&length| {
+                block *= length;
+                index % block == 0
+            });
+            (shape.len() - inner.count()) as i16
+        })
+        .collect()
+}
+
+/// Writes the next column of the group.
+fn write_leaf<T: DataType>(
+    rows: &mut Group<'_>,
+    values: &[T::T],
+    definition: &[i16],
+    repetition: &[i16],
+) -> anyhow::Result<()> {
+    let mut column = rows
+        .next_column()?
+        .context("more values than the file has columns")?;
+    let levels = (Some(definition), Some(repetition));
+    column
+        .typed::<T>()
+        .write_batch(values, levels.0, levels.1)?;
+    Ok(column.close()?)
+}
+
+/// Writes values in full lists of the lengths of `shape`.
+fn write_nested<T: DataType>(
+    rows: &mut Group<'_>,
+    shape: &[usize],
+    values: &[T::T],
+) -> anyhow::Result<()> {
+    let present = vec![1 + 2 * shape.len() as i16; values.len()];
+    write_leaf::<T>(rows, values, &present, &repetition(shape, values.len()))
+}
+
+fn byte_array(text: &str) -> ByteArray {
+    ByteArray::from(text.as_bytes().to_vec())
+}
+
+impl Column {
+    /// Rows of this column.
+    fn rows(&self) -> usize {
+        let of = |shape: &[usize], values: usize| values / shape.iter().product::<usize>().max(1);
+        match &self.cells {
+            Cells::F32(shape, values) => of(shape, values.len()),
+            Cells::F64(shape, values) => of(shape, values.len()),
+            Cells::I64(shape, values) => of(shape, values.len()),
+            Cells::Text(shape, values) => of(shape, values.len()),
+            Cells::Bool(values) => values.len(),
+            Cells::Image(images) => images.len(),
+            Cells::Annotation(rows, _) => rows.len(),
+        }
+    }
+
+    fn data_type(&self) -> anyhow::Result<TypePtr> {
+        let name = &self.name;
+        match &self.cells {
+            Cells::F32(shape, _) => nested(name, shape, Physical::FLOAT, None),
+            Cells::F64(shape, _) => nested(name, shape, Physical::DOUBLE, None),
+            Cells::I64(shape, _) => nested(name, shape, Physical::INT64, None),
+            Cells::Bool(_) => leaf(name, Physical::BOOLEAN, None),
+            Cells::Text(shape, _) => nested(
+                name,
+                shape,
+                Physical::BYTE_ARRAY,
+                Some(LogicalType::String),
+            ),
+            Cells::Image(_) => {
+                let bytes = leaf("bytes", Physical::BYTE_ARRAY, None)?;
+                group(name, vec![bytes, text("path")?])
             }
-            Self::Annotation(rows, timed) => annotations(rows, timed),
+            Cells::Annotation(_, timed) => {
+                let mut fields = vec![text("role")?, text("content")?, text("style")?];
+                if *timed {
+                    fields.push(leaf("timestamp", Physical::FLOAT, None)?);
+                }
+                fields.push(text("camera")?);
+                fields.push(list("tool_calls", text("element")?)?);
+                list(name, group("element", fields)?)
+            }
+        }
+    }
+
+    fn write(&self, rows: &mut Group<'_>) -> anyhow::Result<()> {
+        match &self.cells {
+            Cells::F32(shape, values) => write_nested::<FloatType>(rows, shape, values),
+            Cells::F64(shape, values) => write_nested::<DoubleType>(rows, shape, values),
+            Cells::I64(shape, values) => write_nested::<Int64Type>(rows, shape, values),
+            Cells::Bool(values) => write_nested::<BoolType>(rows, &[], values),
+            Cells::Text(shape, values) => {
+                let values: Vec<ByteArray> = values.iter().map(|text| byte_array(text)).collect();
+                write_nested::<ByteArrayType>(rows, shape, &values)
+            }
+            Cells::Image(images) => {
+                let (present, begins) = (vec![2; images.len()], vec![0; images.len()]);
+                let bytes = images.iter().map(|(bytes, _)| bytes.clone().into());
+                let paths = images.iter().map(|(_, path)| byte_array(path));
+                for values in [bytes.collect::<Vec<_>>(), paths.collect()] {
+                    write_leaf::<ByteArrayType>(rows, &values, &present, &begins)?;
+                }
+                Ok(())
+            }
+            Cells::Annotation(lists, timed) => write_annotations(rows, lists, *timed),
         }
     }
 }
 
 /// Lists of `{role, content, style, [timestamp], camera, tool_calls}`, as LeRobot
 /// 0.6 names them; no annotation calls a tool.
-fn annotations(rows: Vec<Vec<Annotation>>, timed: bool) -> ArrayRef {
-    let offsets = OffsetBuffer::from_lengths(rows.iter().map(Vec::len));
-    let all: Vec<Annotation> = rows.into_iter().flatten().collect();
-    let text = |of: fn(&Annotation) -> Option<&str>| -> ArrayRef {
-        Arc::new(StringArray::from_iter(all.iter().map(of)))
-    };
-    let calls = Field::new("element", DataType::Utf8, true);
-    let none = ListArray::new_null(Arc::new(calls), all.len());
-    let mut columns: Vec<(&str, ArrayRef)> = vec![
-        ("role", text(|s| Some(s.role))),
-        ("content", text(|s| Some(&s.content))),
-        ("style", text(|s| Some(s.style))),
-    ];
-    if timed {
-        let times = Float32Array::from_iter_values(all.iter().map(|s| s.timestamp));
-        columns.push(("timestamp", Arc::new(times)));
-    }
-    columns.push(("camera", text(|s| s.camera.as_deref())));
-    columns.push(("tool_calls", Arc::new(none)));
-    let fields = columns.iter();
-    let fields: Fields = fields
-        .map(|(name, array)| Field::new(*name, array.data_type().clone(), true))
+fn write_annotations(
+    rows: &mut Group<'_>,
+    lists: &[Vec<Annotation>],
+    timed: bool,
+) -> anyhow::Result<()> {
+    /// Definition levels: no entry in the list, an entry without this field, a value.
+    const EMPTY: i16 = 1;
+    const MISSING: i16 = 3;
+    const PRESENT: i16 = 4;
+    // An empty list has one level too.
+    let entries: Vec<Option<&Annotation>> = lists
+        .iter()
+        .flat_map(|list| {
+            let empty = list.is_empty().then_some(None);
+            list.iter().map(Some).chain(empty)
+        })
         .collect();
-    let arrays = columns.into_iter().map(|(_, array)| array).collect();
-    let structs = StructArray::new(fields, arrays, None);
-    let element = Field::new("element", structs.data_type().clone(), true);
-    Arc::new(ListArray::new(
-        Arc::new(element),
-        offsets,
-        Arc::new(structs),
-        None,
-    ))
-}
-
-/// Values in lists of lists of the lengths of `shape`, every list full.
-fn nested(values: ArrayRef, shape: &[usize]) -> ArrayRef {
-    shape.iter().rev().fold(values, |inner, &length| {
-        let lists = inner.len() / length.max(1);
-        let offsets = OffsetBuffer::from_lengths(std::iter::repeat_n(length, lists));
-        let element = Field::new("element", inner.data_type().clone(), true);
-        Arc::new(ListArray::new(Arc::new(element), offsets, inner, None))
-    })
-}
-
-/// The columns as Arrow arrays.
-fn batch(columns: Vec<Column>) -> anyhow::Result<RecordBatch> {
-    let (mut fields, mut arrays) = (Vec::new(), Vec::new());
-    for column in columns {
-        let array = column.cells.array();
-        fields.push(Field::new(column.name, array.data_type().clone(), true));
-        arrays.push(array);
+    let begins: Vec<i16> = lists
+        .iter()
+        .flat_map(|list| (0..list.len().max(1)).map(|index| i16::from(index > 0)))
+        .collect();
+    let levels = |has: &dyn Fn(&Annotation) -> bool| -> Vec<i16> {
+        let level = |entry: &Option<&Annotation>| match entry {
+            None => EMPTY,
+            Some(annotation) if has(annotation) => PRESENT,
+            Some(_) => MISSING,
+        };
+        entries.iter().map(level).collect()
+    };
+    let present = levels(&|_| true);
+    let all = || lists.iter().flatten();
+    let texts: [fn(&Annotation) -> &str; 3] = [|a| a.role, |a| &a.content, |a| a.style];
+    for text in texts {
+        let values: Vec<ByteArray> = all().map(|a| byte_array(text(a))).collect();
+        write_leaf::<ByteArrayType>(rows, &values, &present, &begins)?;
     }
-    Ok(RecordBatch::try_new(Arc::new(Schema::new(fields)), arrays)?)
+    if timed {
+        let times: Vec<f32> = all().map(|a| a.timestamp).collect();
+        write_leaf::<FloatType>(rows, &times, &present, &begins)?;
+    }
+    let cameras = all().filter_map(|a| a.camera.as_deref());
+    let cameras: Vec<ByteArray> = cameras.map(byte_array).collect();
+    let named = levels(&|a| a.camera.is_some());
+    write_leaf::<ByteArrayType>(rows, &cameras, &named, &begins)?;
+    write_leaf::<ByteArrayType>(rows, &[], &levels(&|_| false), &begins)
+}
+
+fn schema(columns: &[Column]) -> anyhow::Result<TypePtr> {
+    let fields: anyhow::Result<Vec<TypePtr>> = columns.iter().map(Column::data_type).collect();
+    let schema = Type::group_type_builder("schema").with_fields(fields?);
+    Ok(Arc::new(schema.build()?))
 }
 
 /// A Parquet file that grows by groups of rows.
 pub struct Table {
-    writer: ArrowWriter<File>,
-    schema: Arc<Schema>,
+    writer: SerializedFileWriter<File>,
+    schema: TypePtr,
 }
 
 impl Table {
@@ -178,14 +314,9 @@ impl Table {
             .set_key_value_metadata(Some(metadata))
             .set_created_by(format!("wheelarm-dataset {}", env!("CARGO_PKG_VERSION")))
             .build();
-        // The Parquet types are sufficient; Arrow's own schema is not repeated.
-        let options = ArrowWriterOptions::new()
-            .with_properties(properties)
-            .with_skip_arrow_metadata(true);
-        let first = batch(first)?;
+        let schema = schema(&first)?;
         let file = File::create_new(path).with_context(|| format!("{}", path.display()))?;
-        let schema = first.schema();
-        let writer = ArrowWriter::try_new_with_options(file, schema.clone(), options)?;
+        let writer = SerializedFileWriter::new(file, schema.clone(), Arc::new(properties))?;
         let mut table = Self { writer, schema };
         table.write(&first)?;
         Ok(table)
@@ -203,19 +334,31 @@ impl Table {
     /// When names, types or lengths differ from those of the first rows, or the
     /// disk is full.
     pub fn append(&mut self, rows: Vec<Column>) -> anyhow::Result<()> {
-        let rows = batch(rows)?;
+        let found = schema(&rows)?;
         anyhow::ensure!(
-            rows.schema() == self.schema,
-            "columns {:?} in a file of {:?}",
-            rows.schema().fields(),
-            self.schema.fields()
+            found == self.schema,
+            "columns {found:?} in a file of {:?}",
+            self.schema
         );
         self.write(&rows)
     }
 
-    fn write(&mut self, rows: &RecordBatch) -> anyhow::Result<()> {
-        self.writer.write(rows)?;
-        self.writer.flush()?;
+    fn write(&mut self, columns: &[Column]) -> anyhow::Result<()> {
+        let count = columns.first().map_or(0, Column::rows);
+        for column in columns {
+            anyhow::ensure!(
+                column.rows() == count,
+                "column {} has {} rows, column {} has {count}",
+                column.name,
+                column.rows(),
+                columns[0].name
+            );
+        }
+        let mut rows = self.writer.next_row_group()?;
+        for column in columns {
+            column.write(&mut rows)?;
+        }
+        rows.close()?;
         Ok(())
     }
 
@@ -235,16 +378,10 @@ mod tests {
 
     #[test]
     fn lists_start_where_their_row_starts() {
-        let values = || Arc::new(Int64Array::from_iter_values(0..8));
-        let rows = nested(values(), &[2, 2]);
-        assert_eq!(rows.len(), 2);
-        let rows = rows.as_any().downcast_ref::<ListArray>().unwrap();
-        let second = rows.value(1);
-        let second = second.as_any().downcast_ref::<ListArray>().unwrap();
-        let last = second.value(1);
-        let last = last.as_any().downcast_ref::<Int64Array>().unwrap();
-        assert_eq!(last.values(), &[6, 7]);
-        assert_eq!(nested(values(), &[]).len(), 8);
+        assert_eq!(repetition(&[2, 2], 8), [0, 2, 1, 2, 0, 2, 1, 2]);
+        assert_eq!(repetition(&[3], 6), [0, 1, 1, 0, 1, 1]);
+        assert_eq!(repetition(&[1], 2), [0, 0]);
+        assert_eq!(repetition(&[], 3), [0, 0, 0]);
     }
 
     #[test]
@@ -261,6 +398,11 @@ mod tests {
         assert!(table.append(renamed).is_err());
         let flat = vec![column("a", Cells::F32(vec![], vec![1.0]))];
         assert!(table.append(flat).is_err());
+        let longer = vec![
+            column("a", Cells::F32(vec![2], vec![1.0, 2.0])),
+            column("b", Cells::Bool(vec![true, false])),
+        ];
+        assert!(Table::create(&folder.path().join("u"), longer, &[]).is_err());
         table.close().unwrap();
     }
 }
