@@ -182,12 +182,9 @@ impl Column {
             Cells::F64(shape, _) => nested(name, shape, Physical::DOUBLE, None),
             Cells::I64(shape, _) => nested(name, shape, Physical::INT64, None),
             Cells::Bool(_) => leaf(name, Physical::BOOLEAN, None),
-            Cells::Text(shape, _) => nested(
-                name,
-                shape,
-                Physical::BYTE_ARRAY,
-                Some(LogicalType::String),
-            ),
+            Cells::Text(shape, _) => {
+                nested(name, shape, Physical::BYTE_ARRAY, Some(LogicalType::String))
+            }
             Cells::Image(_) => {
                 let bytes = leaf("bytes", Physical::BYTE_ARRAY, None)?;
                 group(name, vec![bytes, text("path")?])
