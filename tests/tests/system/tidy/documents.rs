@@ -236,7 +236,9 @@ fn figures_that_link_to_results_are_figures_of_these_results() {
             let page = path.parent().expect("a folder").join(target);
             let is_quotation = !words.contains(']')
                 && page.is_file()
-                && page.canonicalize().is_ok_and(|page| page.starts_with(&results))
+                && page
+                    .canonicalize()
+                    .is_ok_and(|page| page.starts_with(&results))
                 && words.contains(|c: char| c.is_ascii_digit());
             if !is_quotation {
                 continue;
@@ -246,7 +248,9 @@ fn figures_that_link_to_results_are_figures_of_these_results() {
             let unknown: Vec<_> = numbers(words).difference(&known).cloned().collect();
             if !unknown.is_empty() {
                 let place = place(&path);
-                wrong.push(format!("{place}: [{words}] is not in {target}: {unknown:?}"));
+                wrong.push(format!(
+                    "{place}: [{words}] is not in {target}: {unknown:?}"
+                ));
             }
         }
     }
