@@ -27,6 +27,7 @@ def executed(path: pathlib.Path, folder: pathlib.Path) -> dict:
             "notebook",
             "--execute",
             "--log-level=ERROR",
+            "--ExecutePreprocessor.startup_timeout=300",
             "--output-dir",
             str(folder),
             str(path),
