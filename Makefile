@@ -41,6 +41,8 @@
 #                    fetched once) and compares the packs with tests/data/homes.csv
 # make test-hashes   compares state hashes of 44 episodes with tests/data/redesign-hashes.csv, a
 #                    minute and a half on two cores
+# make docs    the documentation site in target/docs/site: guides, results, references of
+#              commands, protocol, Python and Rust, executed notebooks; checks every link
 # make soak    300 short episodes directly one after the other, every file checked
 # make test-original SCRIPTS=DIR   WheelArm-Sim's processing scripts on an episode of ours
 # make demo-policy   the distributed policy lifts the soup, or does POLICY_TASK=pick_blue_mug,
@@ -84,7 +86,7 @@ export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 # Settings of another server in this shell must not affect servers that are started here.
 unexport WHEELARM_CONNECT WHEELARM_KEYS WHEELARM_SIM WHEELARM_USER
 
-.PHONY: all build static demo test test-learn lints suites contract test-cluster test-readers test-data test-original test-adversarial test-hashes test-import test-expert test-variety soak train-mustard train-tasks train-multiplied demo-policy bench bench-campaign test-rosbag2 dist test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean
+.PHONY: all build static demo test test-learn lints suites contract test-cluster test-readers test-data test-original test-adversarial test-hashes test-import test-expert test-variety docs soak train-mustard train-tasks train-multiplied demo-policy bench bench-campaign test-rosbag2 dist test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean
 all: build
 
 build:
@@ -226,6 +228,11 @@ test-variety:
 	$(CARGO) build --release --bins
 	"$(WHEELARM_PYTHON)" tests/bench/variety.py --programs "$(BUILT)" --out "data/variety-$(WHEELARM_COMMIT)/quick" --first $(EXPERT_SEED) --jobs "$$(nproc)"
 	"$(WHEELARM_PYTHON)" tests/bench/variety.py --programs "$(BUILT)" --out "data/variety-$(WHEELARM_COMMIT)/human" --style human --episodes 6 --tasks pick_mustard,pick_bowl,pick_tomato_soup,open_drawer --first $(EXPERT_SEED) --jobs "$$(nproc)"
+
+docs: build
+	scripts/setup.sh python numpy grpcio-tools:grpc_tools eclipse-zenoh==1.10.2:zenoh protobuf:google.protobuf gymnasium nbconvert ipykernel matplotlib
+	$(CARGO) doc --release --no-deps -p wheelarm-sdk -p wheelarm-proto -p wheelarm-policy
+	"$(WHEELARM_PYTHON)" scripts/docs/build.py --programs "$(BUILT)" --rustdoc "$(or $(CARGO_TARGET_DIR),target)/doc" --out "$(or $(CARGO_TARGET_DIR),target)/docs"
 
 soak:
 	scripts/setup.sh

@@ -29,6 +29,7 @@ use wheelarm_cli::demo::{self, DemoArgs};
 use wheelarm_cli::doctor::{self, DoctorArgs};
 use wheelarm_cli::drive::{self, DriveArgs};
 use wheelarm_cli::home::{self, HomeCommand};
+use wheelarm_cli::new::{self, NewArgs};
 use wheelarm_cli::operate::{self, OperateArgs};
 #[cfg(feature = "hdf5")]
 use wheelarm_cli::record::{self, RecordArgs};
@@ -168,6 +169,12 @@ enum Command {
     /// home is the name of a scene. Recordings contain their packs.
     #[command(subcommand, after_long_help = manual::PACK)]
     Pack(PackCommand),
+    /// Makes a folder of your own from a template: object, task, scene, camera, robot, policy, device.
+    ///
+    /// Objects, tasks and scenes are world packs, found with --packs. Cameras and robots are
+    /// copies of the shipped robot. Policies and devices are programs in Python.
+    #[command(after_long_help = manual::NEW)]
+    New(NewArgs),
     /// Makes the keys that authenticate users and servers.
     ///
     /// On the host of the server: a certificate authority, the server's certificate, and a
@@ -257,6 +264,7 @@ impl Command {
             self,
             Self::Cache(_)
                 | Self::Home(_)
+                | Self::New(_)
                 | Self::Keys(_)
                 | Self::Users(_)
                 | Self::Router(_)
@@ -406,6 +414,7 @@ fn run(cli: Cli, connect: Connect) -> anyhow::Result<ExitCode> {
         Command::Shutdown(args) => client()?.shutdown(args.force)?,
         Command::Cache(args) => print!("{}", cache::run(args)?),
         Command::Home(command) => print!("{}", home::run(command)?),
+        Command::New(args) => print!("{}", new::run(args)?),
         Command::Pack(command) => print!("{}", world_pack::run(command, client)?),
         Command::Keys(command) => accounts::keys(keys, command)?,
         Command::Users(command) => accounts::users(keys, command)?,

@@ -252,6 +252,7 @@ def test_error_for_an_invalid_argument_lists_valid_values():
     for wrong, text in (
         ({"obs_mode": "smell"}, "pixels"),
         ({"control_mode": "mind"}, "ee_delta"),
+        ({"reward_mode": "kind"}, "dense"),
         ({"control_rate": 7}, "divide"),
         ({"render_mode": "human"}, "rgb_array"),
         ({"obs_mode": "pixels", "cameras": {"gen3": (0, 4)}}, "width"),

@@ -317,6 +317,17 @@ pub const HOME: &str = manual!(
     "\n  WHEELARM_PACKS    folders of packs; an import writes into the first"
 );
 
+/// `wheelarm new`.
+pub const NEW: &str = manual!(
+    "  wheelarm new object my_mug
+  wheelarm evaluate --packs . --scene my_mug --task pick_my_mug --seeds 0..5
+  wheelarm new robot my_robot --assets assets
+",
+    "  0  written; the next commands are printed
+  1  the name is invalid, the folder exists already, or a file cannot be written
+"
+);
+
 /// `wheelarm completions`.
 pub const COMPLETIONS: &str = manual!(
     "  wheelarm completions bash > ~/.local/share/bash-completion/completions/wheelarm

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from . import v1
 from ._contract import CONTROL_HZ, TASKS
+from ._reward import DenseReward
 from ._scenario_reset import persistent_fields, undo_value
 from ._session import refuse_fork
 from .client import Client, camera_setting
@@ -44,6 +45,7 @@ from .streams import twist as twist_of
 from .streams import vector
 
 OBS_MODES = ("state", "pixels", "rgbd")
+REWARD_MODES = ("sparse", "dense")
 CONTROL_MODES = ("row", "joint_pos", "applied", "ee_pose", "ee_delta", "keys")
 RENDER_MODES = ("rgb_array", "depth_array", "rgbd_tuple")
 #: Kind of the action row, for the control modes whose action is a row.
@@ -142,14 +144,17 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
               its rotation (7), the gripper (3); see `KEYS_CHAIR`, `KEYS_HAND`, `KEYS_GRIPPER`
     ========= ==================================================================================
 
-    The reward is 1 while the task's conditions hold, else 0. `terminated` is true at the end
-    of the task, `truncated` at its time limit. `info` has ``is_success``, ``success``,
+    The reward is 1 while the task's conditions hold. Else it is 0, or with
+    ``reward_mode="dense"`` 0 to 0.9: 0.3 for the distance of the grasp point to the nearest
+    grasp of the target, 0.2 for its hold, 0.4 for the progress of the goal. `terminated` is
+    true at the end of the task, `truncated` at its time limit. `info` has ``is_success``, ``success``,
     ``failure``, ``conditions``, ``elapsed`` (s), ``tick``, ``instruction``.
 
     Args:
         task: Name of the task; see `wheelarm.TASKS`.
         obs_mode: ``state``, ``pixels`` or ``rgbd``.
         control_mode: See above.
+        reward_mode: ``sparse`` or ``dense``.
         control_rate: Steps per simulated second, Hz; must divide 60.
         cameras: ``{"gen3": (width, height)}``, pixels; ``room`` is the camera in the home.
         render_mode: ``rgb_array``, ``depth_array`` or ``rgbd_tuple``.
@@ -182,6 +187,7 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         *,
         obs_mode: str = "state",
         control_mode: str = "row",
+        reward_mode: str = "sparse",
         control_rate: int = 10,
         cameras: Mapping[str, Sequence[int]] | None = None,
         render_mode: str | None = None,
@@ -196,6 +202,7 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         for what, value, known in (
             ("obs_mode", obs_mode, OBS_MODES),
             ("control_mode", control_mode, CONTROL_MODES),
+            ("reward_mode", reward_mode, REWARD_MODES),
             ("render_mode", render_mode, (None, *RENDER_MODES)),
         ):
             if value not in known:
@@ -204,6 +211,7 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         if control_rate <= 0 or CONTROL_HZ % control_rate:
             raise ValueError(f"invalid control_rate={control_rate}: it must divide {CONTROL_HZ} Hz")
         self.task, self.obs_mode, self.control_mode = task, obs_mode, control_mode
+        self.reward_mode = reward_mode
         self.control_rate, self.over_ticks = control_rate, CONTROL_HZ // control_rate
         self.render_mode, self.render_camera = render_mode, render_camera
         self.metadata = {**type(self).metadata, "render_fps": control_rate}  # type: ignore[misc]
@@ -417,7 +425,7 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         topics = ["joint_state", "pose", "odometry", "evaluation"]
         if self.control_mode in ("ee_delta", "keys"):
             topics.append("applied")
-        if self.obs_mode == "state":
+        if self.obs_mode == "state" or self.reward_mode == "dense":
             topics += ["object_pose", "furniture_joint", "contact"]
         self._lockstep = client.lockstep(
             "gym", label, topics=topics, cameras=tuple(self._image_sizes)
@@ -428,6 +436,8 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         self._target_start: NDArray[np.float64] | None = None
         self._sent, self._over = False, False
         self._moment = self._lockstep.now
+        if self.reward_mode == "dense":
+            self._dense = DenseReward(scene, self._target(self._moment))
         self._observation = self._observe(self._moment)
         return self._observation, self._info(self._moment.message("evaluation"))
 
@@ -479,7 +489,19 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         info = self._info(evaluation)
         is_late = evaluation.failure_reason == v1.FAILURE_REASON_TIMEOUT
         terminated = bool(evaluation.done) and not is_late
-        return self._observation, float(evaluation.success), terminated, is_late, info
+        return self._observation, self._reward(evaluation), terminated, is_late, info
+
+    def _reward(self, evaluation: v1.Evaluation) -> float:
+        if evaluation.success or self.reward_mode == "sparse":
+            return float(evaluation.success)
+        frames = self._moment.message("pose").frames
+        return self._dense.value(
+            pose_of(frames[self._observer.chair].pose),
+            pose_of(frames[self._observer.hand].pose),
+            self._target(self._moment)[:7],
+            list(self._moment.message("contact").pad_forces),
+            list(self._moment.message("furniture_joint").positions),
+        )
 
     def send(self, action: Any) -> None:
         """First half of `step`: sends the action without waiting. The next `step` ignores its
@@ -774,6 +796,7 @@ __all__ = [
     "CONTROL_MODES",
     "OBS_MODES",
     "PRIVILEGED",
+    "REWARD_MODES",
     "WheelArmEnv",
     "env_id",
     "register_all",

@@ -177,9 +177,17 @@ fn documents_keep_their_sizes() {
     );
 }
 
+/// Indexes from which `scripts/docs/summary.py` makes the contents of the site.
+const INDEXES: [&str; 3] = [
+    "docs/README.md",
+    "docs/results/README.md",
+    "docs/decisions/README.md",
+];
+
 #[test]
 fn every_document_is_in_its_index_and_every_image_in_a_document() {
     let docs = root().join("docs");
+    let indexes = INDEXES.map(|index| root().join(index));
     let mut linked = BTreeSet::new();
     for path in documents() {
         let text = fs::read_to_string(&path).expect("a document");
@@ -187,7 +195,7 @@ fn every_document_is_in_its_index_and_every_image_in_a_document() {
         for target in targets(&text) {
             let file = target.split('#').next().unwrap_or_default();
             if let Ok(file) = folder.join(file).canonicalize() {
-                let is_index = path.ends_with("README.md");
+                let is_index = indexes.contains(&path);
                 if is_index || file.starts_with(docs.join("images")) {
                     linked.insert(file);
                 }
@@ -201,7 +209,54 @@ fn every_document_is_in_its_index_and_every_image_in_a_document() {
         !linked.contains(&path)
     });
     let left: Vec<_> = left.map(|path| place(path)).collect();
-    assert!(left.is_empty(), "no index links to:\n{}", left.join("\n"));
+    let left = left.join("\n");
+    assert!(left.is_empty(), "none of {INDEXES:?} links to:\n{left}");
+}
+
+/// Numbers of a text, with their points and commas.
+fn numbers(text: &str) -> BTreeSet<String> {
+    let parts = text.split(|c: char| !(c.is_ascii_digit() || matches!(c, '.' | ',')));
+    let parts = parts.map(|part| part.trim_matches(['.', ',']).to_owned());
+    parts.filter(|part| !part.is_empty()).collect()
+}
+
+/// A link to a page of results is a quotation: its text has only numbers of that page.
+#[test]
+fn figures_that_link_to_results_are_figures_of_these_results() {
+    let results = root().join("docs/results").canonicalize();
+    let results = results.expect("the results");
+    let (mut wrong, mut quoted) = (Vec::new(), 0);
+    for path in documents() {
+        let text = without_blocks(&fs::read_to_string(&path).expect("a document"));
+        for link in text.split('[').skip(1) {
+            let Some((words, target)) = link.split_once("](") else {
+                continue;
+            };
+            let target = target.split([')', '#']).next().unwrap_or_default();
+            let page = path.parent().expect("a folder").join(target);
+            let is_quotation = !words.contains(']')
+                && page.is_file()
+                && page
+                    .canonicalize()
+                    .is_ok_and(|page| page.starts_with(&results))
+                && words.contains(|c: char| c.is_ascii_digit());
+            if !is_quotation {
+                continue;
+            }
+            quoted += 1;
+            let known = numbers(&fs::read_to_string(&page).expect("a page of results"));
+            let unknown: Vec<_> = numbers(words).difference(&known).cloned().collect();
+            if !unknown.is_empty() {
+                let place = place(&path);
+                wrong.push(format!(
+                    "{place}: [{words}] is not in {target}: {unknown:?}"
+                ));
+            }
+        }
+    }
+    assert!(quoted > 15, "{quoted} quotations");
+    let wrong = wrong.join("\n");
+    assert!(wrong.is_empty(), "quote the page, or correct it:\n{wrong}");
 }
 
 /// Folders at the root, with which a path in a document begins.
