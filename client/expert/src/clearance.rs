@@ -1,12 +1,16 @@
 //! Collision queries of the planner: is the floor free for the chair, is the path of
 //! the hand free.
 
+use std::sync::Arc;
+
 use nalgebra::{Isometry3, Point3, Translation3};
 
 use super::hand::{self, Ball, Hand};
 use super::scene::SceneModel;
+use wheelarm_planning::floor_map::{CHANGE_CLEARANCE, FloorMap};
 use wheelarm_planning::footprint_check::{FootprintCheck, Pose2};
 use wheelarm_planning::obb::Obb;
+use wheelarm_planning::postures::changing;
 use wheelarm_planning::route_planner::{Obstacle, RoutePlanner};
 
 /// Objects lower than this block the chair, metres.
@@ -29,11 +33,40 @@ impl SceneModel {
 
     /// Obstacles of the chair that never move.
     fn fixed_footprint(&self) -> FootprintCheck {
-        let mut footprint = FootprintCheck::from_outlines(self.outlines.iter().copied());
+        self.among_furniture(FootprintCheck::from_outlines(self.outlines.iter().copied()))
+    }
+
+    fn among_furniture(&self, mut footprint: FootprintCheck) -> FootprintCheck {
         for obb in &self.furniture {
             footprint.put(obb.rectangle(), obb.heights());
         }
         footprint
+    }
+
+    /// Obstacles of the chair while its arm changes between home and the travel posture, with
+    /// the objects at `poses`; `None` for a robot without a travel posture.
+    #[must_use]
+    pub fn change_check(&self, poses: &[Isometry3<f64>]) -> Option<FootprintCheck> {
+        let mut footprint = self.among_furniture(self.changing()?);
+        for (obstacle, heights) in self.moved_obstacles(poses) {
+            footprint.put(obstacle, heights);
+        }
+        Some(footprint)
+    }
+
+    /// The map of where the arm has room to change, on the floor of [`Self::route_planner`].
+    #[must_use]
+    pub fn change_map(&self, poses: &[Isometry3<f64>], start: Pose2) -> Option<Arc<FloorMap>> {
+        let fixed = self.among_furniture(self.changing()?);
+        let mut planner = self.planner(fixed, poses, start, CHANGE_CLEARANCE);
+        Some(planner.map(CHANGE_CLEARANCE))
+    }
+
+    fn changing(&self) -> Option<FootprintCheck> {
+        let travel = self.travel.as_ref()?;
+        let mount = self.chair_from_base.translation;
+        let mount = [mount.x, mount.y];
+        Some(changing(&self.outlines, &travel.outlines, mount))
     }
 
     /// Obstacles of the chair that may have moved, with the objects at `poses`.
@@ -52,13 +85,23 @@ impl SceneModel {
         start: Pose2,
         margin: f64,
     ) -> RoutePlanner {
+        self.planner(self.fixed_footprint(), poses, start, margin)
+    }
+
+    fn planner(
+        &self,
+        fixed: FootprintCheck,
+        poses: &[Isometry3<f64>],
+        start: Pose2,
+        margin: f64,
+    ) -> RoutePlanner {
         let at = |pose: &Isometry3<f64>| Pose2 {
             x: pose.translation.x,
             y: pose.translation.y,
             heading: 0.0,
         };
         let goals: Vec<Pose2> = poses.iter().map(at).collect();
-        let (fixed, moved) = (self.fixed_footprint(), self.moved_obstacles(poses));
+        let moved = self.moved_obstacles(poses);
         RoutePlanner::new(fixed, moved, start, &goals, margin)
     }
 

@@ -18,6 +18,9 @@ pub struct DriveLimits {
     pub turn_rate: f64,
     /// Turn acceleration, rad/s²; the chair's own profile allows 0.79.
     pub turn_acceleration: f64,
+    /// Forward speed on arcs and near them, m/s: the chair begins to turn late. Infinite
+    /// where there is room.
+    pub bend_speed: f64,
 }
 
 /// Reference pose and velocity of the chair at one moment.
@@ -39,6 +42,8 @@ pub struct Drive {
     references: Vec<Reference>,
 }
 
+/// The speed on arcs applies this far before and after them, metres.
+const BEND: f64 = 0.25;
 /// Pause between rolling and turning, seconds, in which the chair stops.
 const PAUSE: f64 = 0.25;
 /// Step of the speed profile, metres.
@@ -158,6 +163,16 @@ impl Drive {
             .iter()
             .map(|k| top.min(limits.turn_rate / k.abs().max(1e-6)))
             .collect();
+        let mut caps = caps;
+        if limits.bend_speed < top {
+            let near = (BEND / step).ceil() as usize;
+            for (i, cap) in caps.iter_mut().enumerate() {
+                let around = i.saturating_sub(near)..=(i + near).min(count);
+                if curvatures[around].iter().any(|curvature| *curvature != 0.0) {
+                    *cap = cap.min(limits.bend_speed);
+                }
+            }
+        }
         let speeds = profile(&caps, step, limits.acceleration, limits.braking);
         let mut time = self.end().time;
         for i in 1..=count {
@@ -274,6 +289,7 @@ mod tests {
         braking: 0.3,
         turn_rate: 0.6,
         turn_acceleration: 0.6,
+        bend_speed: f64::INFINITY,
     };
 
     /// Follows a path that begins a little beside the chair, which has the
@@ -293,6 +309,36 @@ mod tests {
             worst = worst.max(pose.distance(&drive.reference(t).pose));
         }
         (pose, drive.goal(), worst)
+    }
+
+    #[test]
+    fn bends_are_slower_where_there_is_little_room() {
+        let start = Pose2 {
+            x: 0.0,
+            y: 0.0,
+            heading: 0.0,
+        };
+        let roll = |length, curvature| Segment::Roll { length, curvature };
+        let path = [roll(3.0, 0.0), roll(0.8, 1.25), roll(3.0, 0.0)];
+        let limits = DriveLimits {
+            bend_speed: 0.2,
+            ..LIMITS
+        };
+        let drive = Drive::new(start, &path, &limits);
+        let fastest = |part: [f64; 2]| {
+            let mut rolled = 0.0;
+            let pairs = drive.references.windows(2);
+            let speeds = pairs.filter_map(|pair| {
+                rolled += pair[0].pose.distance(&pair[1].pose);
+                (part[0]..part[1])
+                    .contains(&rolled)
+                    .then_some(pair[1].speed)
+            });
+            speeds.fold(0.0, f64::max)
+        };
+        assert!(fastest([0.0, 2.7]) > 0.45 && fastest([4.1, 6.8]) > 0.45);
+        let bend = fastest([2.76, 4.04]);
+        assert!(bend < 0.201 && bend > 0.19, "{bend} m/s");
     }
 
     #[test]

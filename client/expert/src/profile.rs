@@ -96,6 +96,7 @@ impl OperatorProfile {
                 braking: sample(0.25, 0.35),
                 turn_rate: sample(0.50, 0.65),
                 turn_acceleration: sample(0.50, 0.65),
+                bend_speed: f64::INFINITY,
             },
             path: PathPreferences {
                 radius: sample(0.70, 0.90),

@@ -29,13 +29,17 @@ pub const STOWED_CLEARANCE: f64 = 0.025;
 /// Clearance that a chair keeps where it stops to use its arm, metres.
 pub const STOP_CLEARANCE: f64 = 0.045;
 
+/// Clearance of the arm while it changes between home and the travel posture, metres: the
+/// chair rests.
+pub const CHANGE_CLEARANCE: f64 = 0.03;
+
 /// A cell counts as open when its middle is free with this much less clearance, metres: a
 /// way through a narrow door need not lead through middles of cells.
 const LENIENT: f64 = 0.02;
 /// Free floor around obstacles and poses that a map includes, metres.
 const AROUND: f64 = 1.0;
-/// Number of shared maps: three clearances of a few robots and homes.
-const SHARED: usize = 12;
+/// Number of shared maps: those of a few robots and homes.
+const SHARED: usize = 16;
 
 /// Maps by the digest of their content.
 static MAPS: Mutex<Vec<(Digest, Arc<FloorMap>)>> = Mutex::new(Vec::new());
@@ -224,6 +228,15 @@ impl FloorMap {
     pub fn coarse(&self) -> &PoseSet {
         self.coarse
             .get_or_init(|| self.blocked.coarsened(&self.grid))
+    }
+
+    /// The connected part of the cell of the coarse grid that contains `pose`, from 1; `None`
+    /// where it is blocked.
+    #[must_use]
+    pub fn part_at(&self, pose: &Pose2) -> Option<u16> {
+        let grid = self.grid.coarse();
+        let part = self.parts().part(&grid, grid.pose_at(pose)?);
+        (part != 0).then_some(part)
     }
 
     /// The pose of the coarse grid that contains `pose`, where it is open, and otherwise

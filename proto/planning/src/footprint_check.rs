@@ -137,7 +137,7 @@ pub struct Outline {
 
 impl Outline {
     /// Whether it is within another one.
-    fn is_within(&self, other: &Outline) -> bool {
+    pub(super) fn is_within(&self, other: &Outline) -> bool {
         let ([back, front, right, left], others) = (self.sides, other.sides);
         back >= others[0] && front <= others[1] && right >= others[2] && left <= others[3]
     }

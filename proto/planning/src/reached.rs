@@ -37,6 +37,12 @@ impl Reached {
         Self { map, parts }
     }
 
+    /// The connected parts with these numbers.
+    pub(super) fn of_parts(map: Arc<FloorMap>, parts: impl Iterator<Item = u16>) -> Self {
+        let parts = parts.collect();
+        Self { map, parts }
+    }
+
     /// The connected part with the most poses; nothing where no pose is open.
     #[must_use]
     pub fn largest(map: Arc<FloorMap>) -> Self {
@@ -76,8 +82,12 @@ impl Reached {
     /// [`FloorMap::is_free`].
     #[must_use]
     pub fn contains(&self, pose: &Pose2) -> bool {
+        // Most poses are in an open cell.
+        if let Some(part) = self.map.part_at(pose) {
+            return self.parts.contains(&part);
+        }
         let grid = self.map.grid().coarse();
-        let open = self.map.open_near(pose);
+        let open = self.map.open_around(pose);
         open.into_iter()
             .any(|at| self.parts.contains(&self.map.parts().part(&grid, at)))
     }

@@ -205,7 +205,12 @@ fn round(points: &mut Vec<Point3<f64>>, radius: f64, [low, high]: [f64; 2], is_c
 
 #[cfg(test)]
 mod tests {
+    use wheelarm_planning::floor_map::CHANGE_CLEARANCE;
+    use wheelarm_planning::footprint_check::Outline;
+    use wheelarm_planning::postures::changing;
+
     use super::*;
+    use crate::robot::OutlineSettings;
 
     #[test]
     fn points_lie_on_their_shapes() {
@@ -260,6 +265,48 @@ mod tests {
                 && (right - 0.004..=left + 0.004).contains(&point.y);
             assert!(is_within, "{point:?}");
         }
+    }
+
+    /// The chair stands still for it, and keeps `CHANGE_CLEARANCE`.
+    #[test]
+    fn arm_stays_within_the_footprint_of_a_change_of_posture() {
+        let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
+        let model = RobotModel::load(&assets, "wheelarm").expect("a robot");
+        let settings = &model.settings;
+        let travel = settings.travel.as_ref().expect("a travel posture");
+        let outlines = |list: &[OutlineSettings]| {
+            let one = |o: &OutlineSettings| (o.top, Outline { sides: o.footprint });
+            list.iter().map(one).collect::<Vec<_>>()
+        };
+        let mount = model.arm_mount().translation;
+        let check = changing(
+            &outlines(&settings.outlines),
+            &outlines(&travel.outlines),
+            [mount.x, mount.y],
+        );
+        let surface = model.arm_surface();
+        let mut furthest = 0.0_f64;
+        for step in 0..=20 {
+            let share = f64::from(step) / 20.0;
+            let home = settings.home;
+            let arm =
+                std::array::from_fn(|i| travel.joints[i] + (home[i] - travel.joints[i]) * share);
+            let poses = model.poses_at(&arm);
+            for point in surface.placed(&poses) {
+                let is_within = check.levels.iter().any(|level| {
+                    let [back, front, right, left] = level.outline.sides;
+                    (level.bottom..=level.top).contains(&point.z)
+                        && (back - CHANGE_CLEARANCE..=front + CHANGE_CLEARANCE).contains(&point.x)
+                        && (right - CHANGE_CLEARANCE..=left + CHANGE_CLEARANCE).contains(&point.y)
+                });
+                assert!(is_within, "{point:?} at {share}");
+                furthest = furthest.max(point.y);
+            }
+        }
+        // It needs nearly all of the room.
+        let sides = check.levels.iter().map(|level| level.outline.sides[3]);
+        let left = sides.fold(0.0, f64::max);
+        assert!(left - furthest < 0.07, "{furthest} m of {left} m");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Expected duration of a task for the scripted operator, for time limits: driving
 //! along the planned path, arm work, and style.
 
-use wheelarm_proto::settings::Style;
+use wheelarm_proto::settings::{Starts, Style};
 
 use super::scenario::Scenario;
 use crate::robot::RobotModel;
@@ -9,7 +9,7 @@ use crate::scene::Scene;
 use crate::tasks::{Floor, Goal, TaskSpec, Variant};
 
 /// A time limit is the expected time multiplied by this.
-pub(super) const ROOM: f64 = 3.0;
+const ROOM: f64 = 3.0;
 /// Arm work of grasping an object, s (measured: `docs/drive-and-record/disturbances.md`).
 const TAKE: f64 = 26.0;
 /// Additional time to put the object elsewhere, s.
@@ -23,8 +23,30 @@ const LINE: f64 = 6.0;
 /// Factor of the human-like style.
 const HUMAN: f64 = 12.0;
 
+/// Whether the way to a place of a home may be longer than the limit of its task allows.
+pub(super) fn may_be_long(scenario: &Scenario) -> bool {
+    scenario.time_limit.is_none() && scenario.starts == Starts::Anywhere
+}
+
+/// Time limit by the expected time, seconds. That of a query is at least the limit of the
+/// task, and `None` when that is enough and the scenario requests none.
+pub(super) fn limit(
+    about: (&TaskSpec, &Variant),
+    is_query: bool,
+    floor: &Floor,
+    (model, scene): (&RobotModel, &Scene),
+    scenario: &Scenario,
+) -> Option<f64> {
+    let limit = (ROOM * seconds(about, floor, model, scene, scenario)).ceil();
+    let of_task = about.0.time_limit;
+    match is_query {
+        true if limit <= of_task => scenario.time_limit.map(|_| of_task),
+        _ => Some(limit),
+    }
+}
+
 /// Simulated seconds.
-pub(super) fn seconds(
+fn seconds(
     (task, variant): (&TaskSpec, &Variant),
     floor: &Floor,
     model: &RobotModel,

@@ -50,12 +50,12 @@ use crate::sensors::imu::{self, Imu};
 use crate::sensors::models::{self, Device};
 use crate::sensors::odometry::Odometry;
 use crate::snapshot::{BodyRef, Contact, Fault, Snapshot};
-use crate::tasks::{Evaluation, Evaluator, Floor, SamplingRules, TaskSpec, stocked};
+use crate::tasks::{Evaluation, Evaluator, Floor, SamplingRules, TaskSpec, Variant, stocked};
 use crate::world::{World, WorstOfSoft};
 use arm_balls::ArmBalls;
 use carriers::Carriers;
 use scenario_sampling::{
-    check_pose, generate_instruction, sample_open_values, sampling_rules, seated, settled,
+    check_pose, generate_instruction, sample_open_values, sampled, sampling_rules, seated, settled,
 };
 
 /// A running simulation.
@@ -170,13 +170,13 @@ impl Simulation {
             Some(task) => Some(settled(task, &scenario, &scene)?),
             None => None,
         };
-        let (task, variant) = settled.unzip();
-        scene.keep_optional(variant.as_ref().map_or(&[], |variant| &variant.furniture));
-        scenario.variant = variant.as_ref().map(|variant| variant.name.clone());
+        let is_variant_open = scenario.variant.is_none();
+        let furniture = settled.as_ref().map_or(&[][..], |(_, own)| &own.furniture);
+        scene.keep_optional(furniture);
         if scenario.person.as_ref().is_none_or(|p| p.drawn.is_none()) {
             scenario.requested.person = scenario.person.clone();
         }
-        if let Some(care) = task.as_ref().filter(|task| task.is_care()) {
+        if let Some((care, _)) = settled.as_ref().filter(|(task, _)| task.is_care()) {
             // A care task needs a person.
             scenario.person = Some(care.cared_for(scenario.person.take()));
         }
@@ -206,13 +206,17 @@ impl Simulation {
             SamplingRules::Maps => is_sampled,
         };
         let mut floor = needs_floor.then(|| open_floor(&scene));
-        let drawn = task
-            .as_ref()
-            .zip(variant.as_ref())
-            .map(|(task, variant)| (task, variant, floor.as_ref()));
+        let is_query = task.as_ref().is_some_and(TaskSpec::is_query);
+        let drawn = task.zip(settled).map(|(task, settled)| {
+            let open = (&scenario, is_variant_open);
+            sampled(&task, settled, open, &scene, floor.as_ref())
+        });
+        let (about, sample) = drawn.unzip();
+        let (task, variant) = about.unzip();
+        scenario.variant = variant.as_ref().map(|own: &Variant| own.name.clone());
         let has_instruction = !scenario.instruction.is_empty();
         let wants_view = scenario.start_in_view && scenario.start.is_none();
-        let placed = sample_open_values(&mut scenario, &mut scene, drawn)?;
+        let placed = sample_open_values(&mut scenario, &mut scene, task.as_ref().zip(sample))?;
         if let (true, Some(about)) = (wants_view, task.as_ref().zip(variant.as_ref())) {
             let floor = floor.get_or_insert_with(|| open_floor(&scene));
             view_start::choose(&mut scenario, about, floor, (&model, &scene));
@@ -265,13 +269,14 @@ impl Simulation {
             .map(|t| Evaluator::new(t, &scene, &model, &scenario.target, person.as_deref()))
             .transpose()?;
         if let Some(evaluator) = &mut evaluator {
-            if scenario.time_limit == Some(0.0)
+            let is_far = is_query && by_maps && expected::may_be_long(&scenario);
+            if (is_far || scenario.time_limit == Some(0.0))
                 && let Some(about) = task.as_ref().zip(variant.as_ref())
             {
                 let floor = floor.unwrap_or_else(|| open_floor(&scene));
-                let expected = expected::seconds(about, &floor, &model, &scene, &scenario);
-                scenario.time_limit = Some((expected::ROOM * expected).ceil());
-                scenario.requested.open_limit = true;
+                let limit = expected::limit(about, is_query, &floor, (&model, &scene), &scenario);
+                scenario.requested.open_limit |= limit.is_some();
+                scenario.time_limit = limit;
             }
             evaluator.bend(scenario.time_limit, scenario.disturbances.is_some());
         }

@@ -14,6 +14,9 @@ use crate::robot::{ARM_JOINTS, RobotModel};
 use crate::scene::{Body, Placement, Scene};
 use crate::tasks::{self, Floor, SamplingRules, SceneSample, TaskSample, TaskSpec, Variant};
 
+/// Places and objects of a query that are sampled until the robot reaches one.
+const CHOICES: usize = 24;
+
 /// The variant of a task's area: the named one, else the one whose objects the scenario
 /// places, else a sampled one.
 fn variant<'a>(task: &'a TaskSpec, scenario: &Scenario) -> Result<&'a Variant, SimError> {
@@ -60,6 +63,40 @@ pub(super) fn settled(
     Ok(task.settled(variant, scene, scenario.seed, &scenario.target)?)
 }
 
+/// A task in a variant, and a sample of it.
+pub(super) type Drawn = ((TaskSpec, Variant), TaskSample);
+
+/// Samples a settled task. A query is settled again, where the scenario leaves place or object
+/// `open`, until the robot reaches the object from its start; the last sample says why it does
+/// not.
+pub(super) fn sampled(
+    task: &TaskSpec,
+    settled: (TaskSpec, Variant),
+    (scenario, is_variant_open): (&Scenario, bool),
+    scene: &Scene,
+    floor: Option<&Floor>,
+) -> Drawn {
+    let draw = |about: (TaskSpec, Variant)| {
+        let sample = tasks::sample(&about.0, &about.1, scene, scenario.seed, floor);
+        (about, sample)
+    };
+    let first = draw(settled);
+    if first.1.scene.is_complete() || !scenario.objects.is_empty() || floor.is_none() {
+        return first;
+    }
+    let is_open = |(variant, target): &(&Variant, &str)| {
+        let is_own = first.0.1.name == variant.name;
+        (is_own || is_variant_open) && (scenario.target.is_empty() || scenario.target == *target)
+    };
+    let choices = task.choices(scenario.seed).into_iter().filter(is_open);
+    let others = choices.take(CHOICES).filter_map(|(variant, target)| {
+        // Every choice fits its place.
+        task.settled(variant, scene, scenario.seed, target).ok()
+    });
+    let complete = others.map(draw).find(|drawn| drawn.1.scene.is_complete());
+    complete.unwrap_or(first)
+}
+
 /// The rules of sampling, which the scenario then states.
 pub(super) fn sampling_rules(scenario: &mut Scenario, scene: &Scene) -> SamplingRules {
     let open = scenario.draws.is_none();
@@ -75,7 +112,7 @@ pub(super) fn sampling_rules(scenario: &mut Scenario, scene: &Scene) -> Sampling
 pub(super) fn sample_open_values(
     scenario: &mut Scenario,
     scene: &mut Scene,
-    task: Option<(&TaskSpec, &Variant, Option<&Floor>)>,
+    task: Option<(&TaskSpec, TaskSample)>,
 ) -> Result<Vec<bool>, SimError> {
     if let Some((name, _)) = scenario
         .objects
@@ -102,13 +139,13 @@ pub(super) fn sample_open_values(
         });
     }
     check_soft(scenario, scene)?;
-    let drawn = match task {
-        Some((task, variant, floor)) => tasks::sample(task, variant, scene, scenario.seed, floor),
-        None => undisturbed(scene),
+    let (task, drawn) = match task {
+        Some((task, sample)) => (Some(task), sample),
+        None => (None, undisturbed(scene)),
     };
     let given = std::mem::take(&mut scenario.objects);
     let tells_none = given.is_empty();
-    if let Some((task, ..)) = task {
+    if let Some(task) = task {
         let area = || task.area.name.clone();
         if scenario.start.is_none() && !drawn.scene.has_start {
             return Err(SimError::NoStart {
@@ -129,7 +166,7 @@ pub(super) fn sample_open_values(
             });
         }
     }
-    let may_miss = |name: &str| task.is_some_and(|(task, ..)| task.area.may_miss(name));
+    let may_miss = |name: &str| task.is_some_and(|task| task.area.may_miss(name));
     let lists_missing = given.iter().any(|(name, _)| may_miss(name));
     let placed: Vec<bool>;
     (scenario.objects, placed) = scene

@@ -1,98 +1,129 @@
-//! The floor that a chair gets to, by the floor maps of its postures: the arm at home, and
-//! the arm in the travel posture. Sampling by the maps queries it, see `wheelarm_proto`'s
-//! `Scenario.draws`.
+//! The floor that a chair gets to, with its arm at home and in the travel posture. Sampling by
+//! the maps queries it, see `wheelarm_proto`'s `Scenario.draws`.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use rand_chacha::ChaCha8Rng;
-use wheelarm_planning::arm_access::ARRIVAL;
 use wheelarm_planning::distance_field::DistanceField;
-use wheelarm_planning::floor_map::{FloorMap, STOP_CLEARANCE};
+use wheelarm_planning::floor_map::{
+    CHANGE_CLEARANCE, DRIVE_CLEARANCE, FloorMap, STOP_CLEARANCE, STOWED_CLEARANCE,
+};
 use wheelarm_planning::footprint_check::{FootprintCheck, Pose2};
 use wheelarm_planning::hybrid_a_star::DriveGoal;
-use wheelarm_planning::reached::Reached;
+use wheelarm_planning::postures::{Posture, PostureFloor, PostureReach};
 
 use super::random::{fraction, index};
 
 /// Poses sampled before the search for a start ends.
 const TRIES: usize = 4_000;
+/// Number of floors that are kept.
+const KEPT: usize = 4;
+/// With the arm stowed the chair takes this much longer for bends, and the arm moves twice,
+/// seconds.
+const STOWED: (f64, f64) = (1.6, 12.0);
 
-/// Posture of the arm while the chair drives.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Posture {
-    Home,
-    Travel,
+/// Floors of the homes that were used last.
+static FLOORS: Mutex<Vec<Ground>> = Mutex::new(Vec::new());
+
+/// The floor of one home for one robot.
+#[derive(Clone, Debug)]
+pub(super) struct Ground {
+    floor: Arc<PostureFloor>,
+    /// Where the chair stops to use its arm, which is at home then.
+    stops: Arc<FloorMap>,
 }
 
-/// The floor of one posture.
-#[derive(Clone, Debug)]
-struct Ground {
-    posture: Posture,
-    /// The chair among the furniture.
-    footprint: FootprintCheck,
-    reached: Reached,
+/// Footprints of a robot that stows its arm: in the travel posture, and while the arm changes.
+pub(super) struct StowedFootprints {
+    pub travel: FootprintCheck,
+    pub change: FootprintCheck,
+}
+
+impl Ground {
+    /// The floor of a chair that starts at `home`, with the arm at home and, if the robot has a
+    /// travel posture, stowed.
+    pub(super) fn new(
+        at_home: &FootprintCheck,
+        stowed: Option<&StowedFootprints>,
+        home: &Pose2,
+    ) -> Self {
+        let map = |check, clearance| FloorMap::shared(check, clearance, &[*home]);
+        let driven = map(at_home, DRIVE_CLEARANCE);
+        let stowed = stowed.map(|stowed| {
+            [
+                map(&stowed.travel, STOWED_CLEARANCE),
+                map(&stowed.change, CHANGE_CLEARANCE),
+            ]
+        });
+        let mut floors = FLOORS.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_known = |known: &Self| {
+            let is_map = |posture, map: Option<&Arc<FloorMap>>| {
+                let of_known = known.floor.map(posture).map(Arc::as_ptr);
+                of_known == map.map(Arc::as_ptr)
+            };
+            is_map(Posture::Home, Some(&driven))
+                && is_map(Posture::Travel, stowed.as_ref().map(|[travel, _]| travel))
+        };
+        if let Some(known) = floors.iter().find(|known| is_known(known)) {
+            return known.clone();
+        }
+        let ground = Self {
+            stops: map(at_home, STOP_CLEARANCE),
+            floor: Arc::new(PostureFloor::new(driven, stowed)),
+        };
+        floors.push(ground.clone());
+        if floors.len() > KEPT {
+            floors.remove(0);
+        }
+        ground
+    }
 }
 
 /// See the module.
 #[derive(Clone, Debug)]
 pub(super) struct Drivable {
-    grounds: Vec<Ground>,
-}
-
-impl Ground {
-    /// Whether the chair is free at a pose, and gets there.
-    fn has(&self, pose: &Pose2) -> bool {
-        self.reached.contains(pose) && self.reached.map().is_free(pose)
-    }
+    reach: PostureReach,
+    ground: Ground,
 }
 
 impl Drivable {
-    /// The floor connected with `near`, and where that is not free, with `home`. `footprints`
-    /// are those of the postures with their clearances, metres, the preferred one first.
+    /// The floor connected with `near`, and where that is not free, with `home`.
     #[must_use]
-    pub(super) fn new(
-        footprints: impl IntoIterator<Item = (Posture, FootprintCheck, f64)>,
-        near: &Pose2,
-        home: &Pose2,
-    ) -> Self {
-        let ground = |(posture, footprint, clearance): (Posture, FootprintCheck, f64)| {
-            let map = FloorMap::shared(&footprint, clearance, &[*near, *home]);
-            let reached = Reached::from_start(Arc::clone(&map), near);
-            Ground {
-                posture,
-                footprint,
-                reached: match reached.is_empty() {
-                    true => Reached::from_start(map, home),
-                    false => reached,
-                },
-            }
-        };
+    pub(super) fn new(ground: &Ground, near: &Pose2, home: &Pose2) -> Self {
+        let from = |start| ground.floor.from_start(start, Posture::Home);
+        let reach = from(near);
         Self {
-            grounds: footprints.into_iter().map(ground).collect(),
+            reach: match reach.is_empty() {
+                true => from(home),
+                false => reach,
+            },
+            ground: ground.clone(),
         }
+    }
+
+    /// Whether the chair is free at a pose, and gets there.
+    fn has(&self, posture: Posture, pose: &Pose2) -> bool {
+        self.reach
+            .part(posture)
+            .is_some_and(|part| part.contains(pose) && part.map().is_free(pose))
     }
 
     /// Whether the chair gets to a stop at `pose`, where it uses its arm. It arrives on a
     /// straight segment.
     pub(super) fn is_stop(&self, pose: &Pose2) -> bool {
-        let before = pose.rolled(-ARRIVAL, 0.0);
-        self.grounds.iter().any(|ground| {
-            let reached = &ground.reached;
-            (reached.contains(pose) || reached.contains(&before))
-                && ground.footprint.is_free(pose, STOP_CLEARANCE)
-        })
+        self.ground.stops.is_free(pose) && self.reach.is_before(pose)
     }
 
     /// Samples a pose uniformly over those that the chair gets to, where `accepts` holds, with
-    /// the first posture in which it is free there. `None` when none was found.
+    /// the arm at home where it is free so. `None` when none was found.
     pub(super) fn sample(
         &self,
         random: &mut ChaCha8Rng,
         accepts: &dyn Fn(&Pose2, Posture) -> bool,
     ) -> Option<(Pose2, Posture)> {
-        let numbers: Vec<Vec<u32>> = (self.grounds.iter())
-            .map(|ground| ground.reached.numbers())
-            .collect();
+        let postures = [Posture::Home, Posture::Travel];
+        let parts = postures.map(|posture| self.reach.part(posture));
+        let numbers = parts.map(|part| part.map_or_else(Vec::new, |part| part.numbers()));
         let count: usize = numbers.iter().map(Vec::len).sum();
         if count == 0 {
             return None;
@@ -100,29 +131,28 @@ impl Drivable {
         (0..TRIES).find_map(|_| {
             let mut at = index(random, count);
             let shares = std::array::from_fn(|_| fraction(random) - 0.5);
-            let mut of_ground = 0;
-            while at >= numbers[of_ground].len() {
-                at -= numbers[of_ground].len();
-                of_ground += 1;
-            }
-            let ground = &self.grounds[of_ground];
-            let pose = ground.reached.pose(numbers[of_ground][at], shares);
-            // A pose of several postures counts once.
-            let first = self.grounds.iter().position(|ground| ground.has(&pose));
-            let is_sampled = first == Some(of_ground) && accepts(&pose, ground.posture);
-            is_sampled.then_some((pose, ground.posture))
+            let of_posture = usize::from(at >= numbers[0].len());
+            at -= of_posture * numbers[0].len();
+            let posture = postures[of_posture];
+            let pose = parts[of_posture]?.pose(numbers[of_posture][at], shares);
+            // A pose of both postures counts once.
+            let first = postures.into_iter().find(|p| self.has(*p, &pose));
+            (first == Some(posture) && accepts(&pose, posture)).then_some((pose, posture))
         })
     }
 
-    /// Least time of the drive between two poses, seconds; `None` without a way.
+    /// Expected time of the drive between two poses, seconds; `None` without a way.
     pub(super) fn seconds(&self, from: &Pose2, to: &Pose2) -> Option<f64> {
         let goal = DriveGoal {
             pose: *to,
             cost: 0.0,
         };
-        self.grounds.iter().find_map(|ground| {
-            let mut field = DistanceField::new(Arc::clone(ground.reached.map()), &[goal]);
-            field.seconds(from, None)
-        })
+        let seconds = |posture| {
+            let map = self.ground.floor.map(posture)?;
+            DistanceField::new(Arc::clone(map), &[goal]).seconds(from, None)
+        };
+        let (factor, changes) = STOWED;
+        let stowed = || seconds(Posture::Travel).map(|seconds| factor * seconds + changes);
+        seconds(Posture::Home).or_else(stowed)
     }
 }

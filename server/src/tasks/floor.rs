@@ -7,17 +7,18 @@ use std::f64::consts::PI;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use wheelarm_pack::Indoors;
 use wheelarm_planning::arm_access::FURTHEST;
-use wheelarm_planning::floor_map::{DRIVE_CLEARANCE, STOWED_CLEARANCE};
+use wheelarm_planning::floor_map::DRIVE_CLEARANCE;
 use wheelarm_planning::footprint_check::{FootprintCheck, Limb, Outline, Pose2, occupied};
 use wheelarm_planning::hybrid_a_star::{self, PathPreferences};
 use wheelarm_planning::obb::Obb;
+use wheelarm_planning::postures::{Posture, changing};
 use wheelarm_planning::reach_map::ReachMap;
 use wheelarm_proto::exact;
 use wheelarm_proto::furniture::JointMotion;
 use wheelarm_proto::settings::Starts;
 
 use super::area::{AreaSpec, Range, StartSpec, Variant};
-use super::drivable::{Drivable, Posture};
+use super::drivable::{Drivable, Ground, StowedFootprints};
 use super::grasp_reach::{GraspReach, Solid};
 use super::random::{index, number, stream};
 use crate::people::{Capsule, HeadPose, Person};
@@ -66,6 +67,8 @@ pub struct Floor {
     /// The travel posture, where the arm is clear of the person in it: outlines of the
     /// robot, and positions of the arm, radians.
     travel: Option<(Outlines, [f64; 6])>,
+    /// The arm's base in the chair, x and y, metres.
+    mount: [f64; 2],
     /// Least and greatest distance from the arm's base to a grasp, metres.
     range: [f64; 2],
     maps: Option<Maps>,
@@ -76,8 +79,7 @@ pub struct Floor {
 struct Maps {
     /// Whether starts are anywhere; otherwise they are near.
     is_anywhere: bool,
-    /// The chair in the travel posture among the furniture.
-    travel: Option<FootprintCheck>,
+    ground: Ground,
     /// Boxes of the furniture.
     solids: Vec<Solid>,
     /// The arm's reach; `None` for a robot without a reach map.
@@ -125,6 +127,7 @@ impl Floor {
             postures: settings.postures.clone(),
             closed: settings.gripper.closed,
             travel: travel.map(|travel| (outlines(&travel.outlines), travel.joints)),
+            mount: [0, 1].map(|i| model.arm_mount().translation.vector[i]),
             range: [reach.nearest, reach.furthest.min(FURTHEST)],
             maps: None,
         }
@@ -174,8 +177,21 @@ impl Floor {
     /// the area is reached, and objects are in the arm's `reach` from there.
     #[must_use]
     pub fn by_maps(self, scene: &Scene, reach: Option<ReachMap>, starts: Starts) -> Self {
+        let home = on_floor(&scene.start);
+        // Homes of packs start with closed doors and drawers. Ajar ones would leave no stop
+        // before a worktop.
+        let ajar = scene.pack.is_none();
+        let levels = self.check.levels.iter();
+        let outlines: Outlines = levels.map(|level| (level.top, level.outline)).collect();
+        let of_outlines = |outlines: &Outlines| {
+            among(FootprintCheck::from_outlines(outlines.clone()), scene, ajar)
+        };
         let travel = self.travel.as_ref();
-        let travel = travel.map(|(outlines, _)| footprint_check(outlines.clone(), scene));
+        let stowed = travel.map(|(travel, _)| StowedFootprints {
+            travel: of_outlines(travel),
+            change: among(changing(&outlines, travel, self.mount), scene, ajar),
+        });
+        let ground = Ground::new(&of_outlines(&outlines), stowed.as_ref(), &home);
         let solids = scene.furniture.iter().enumerate();
         let solids = solids.flat_map(|(furniture, body)| {
             collision_boxes(body).map(move |obb| Solid {
@@ -184,15 +200,15 @@ impl Floor {
                 heights: obb.heights(),
             })
         });
-        let home = scene.pack.as_ref().and_then(|pack| pack.home());
+        let file = scene.pack.as_ref().and_then(|pack| pack.home());
         let maps = Maps {
             is_anywhere: starts == Starts::Anywhere,
-            travel,
+            ground,
             solids: solids.collect(),
             reach,
-            indoors: home.and_then(Indoors::of),
+            indoors: file.and_then(Indoors::of),
             floor: floor_bounds(scene),
-            home: on_floor(&scene.start),
+            home,
         };
         Self {
             maps: Some(maps),
@@ -208,13 +224,9 @@ impl Floor {
     /// The floor that the chair gets to from the near start of an area; `None` without maps.
     pub(super) fn drivable(&self, area: &AreaSpec) -> Option<Drivable> {
         let maps = self.maps.as_ref()?;
-        let home = (Posture::Home, self.check.clone(), DRIVE_CLEARANCE);
-        let travel = maps.travel.clone();
-        let travel = travel.map(|footprint| (Posture::Travel, footprint, STOWED_CLEARANCE));
-        let near = middle(&area.start);
         Some(Drivable::new(
-            [home].into_iter().chain(travel),
-            &near,
+            &maps.ground,
+            &middle(&area.start),
             &maps.home,
         ))
     }
@@ -516,11 +528,16 @@ fn middle(start: &StartSpec) -> Pose2 {
     }
 }
 
-/// Footprint check of a chair with these outlines against the furniture of `scene`.
+/// Footprint check of a chair with these outlines among the furniture of `scene`.
 fn footprint_check(outlines: Outlines, scene: &Scene) -> FootprintCheck {
-    let mut check = FootprintCheck::from_outlines(outlines);
+    among(FootprintCheck::from_outlines(outlines), scene, true)
+}
+
+/// The same footprint among the furniture of `scene`, with doors and drawers also `ajar`.
+fn among(mut check: FootprintCheck, scene: &Scene, ajar: bool) -> FootprintCheck {
     for (index, body) in scene.furniture.iter().enumerate() {
-        let out = scene.joint_of(index).map(|joint| {
+        let joint = scene.joint_of(index).filter(|_| ajar);
+        let out = joint.map(|joint| {
             let ajar = match joint.motion {
                 JointMotion::Slides => AJAR,
                 JointMotion::Turns => AJAR_TURN.min(joint.travel),

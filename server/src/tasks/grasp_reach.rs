@@ -1,5 +1,5 @@
-//! Whether the robot grasps an object where it is sampled: some free stop of the chair, to
-//! which it gets, has one of the object's grasps in the reach map of the arm.
+//! Whether the robot grasps an object where it is sampled: some free stops of the chair, to
+//! which it gets, have one of the object's grasps in the reach map of the arm.
 
 use std::f64::consts::{PI, TAU};
 
@@ -18,6 +18,9 @@ const TURNS: u32 = 12;
 const HEADINGS: u32 = 12;
 /// Step of the distance from the arm's base, metres.
 const STEP: f64 = 0.05;
+/// Stops that an object needs, which differ in heading or bearing. The reach map knows nothing
+/// of the way of the hand from home: from a single stop it often fails.
+const STOPS: usize = 4;
 /// A hand with a smaller horizontal part of its direction is from above.
 const LEVEL: f64 = 0.3;
 
@@ -93,6 +96,7 @@ impl GraspReach<'_> {
                 && exact::hypot(dx, dy) < self.range[1] + 0.5 + solid.outline.radius()
         };
         let covers: Vec<&Solid> = self.solids.iter().filter(near).collect();
+        let mut left = STOPS;
         let about = |angle: f64| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angle);
         for grasp in &body.grasps {
             let count = if grasp.symmetric || turns { TURNS } else { 1 };
@@ -107,9 +111,11 @@ impl GraspReach<'_> {
                 for half in [0.0, PI] {
                     let at = turned * grasp.pose * about(half);
                     let hands = leans(&at, grasp.from_above).iter();
-                    let mut hands = hands.map(|lean| Hand::leaning(&at, *lean));
-                    if hands.any(|hand| self.has_stop(&hand, &covers)) {
-                        return true;
+                    for hand in hands.map(|lean| Hand::leaning(&at, *lean)) {
+                        left -= self.stops(&hand, &covers, left);
+                        if left == 0 {
+                            return true;
+                        }
                     }
                 }
             }
@@ -117,8 +123,9 @@ impl GraspReach<'_> {
         false
     }
 
-    /// Whether the chair has a stop for a hand, with nothing of `covers` on the way of the arm.
-    fn has_stop(&self, hand: &Hand, covers: &[&Solid]) -> bool {
+    /// Number of stops of the chair for a hand, at most `most`, with nothing of `covers` on the
+    /// way of the arm.
+    fn stops(&self, hand: &Hand, covers: &[&Solid], most: usize) -> usize {
         let mount = self.reach.mount().translation;
         let point = [hand.point.x, hand.point.y];
         let [nearest, furthest] = self.range;
@@ -127,10 +134,10 @@ impl GraspReach<'_> {
         let level = aside().filter(|_| hand.is_level);
         let above = (0..HEADINGS).filter(|_| !hand.is_level);
         let above = above.map(|i| TAU * f64::from(i) / f64::from(HEADINGS));
-        level.chain(above).any(|turn| {
+        let stops = level.chain(above).flat_map(|turn| {
             let heading = wrap(hand.yaw + turn);
             let (sin, cos) = exact::sin_cos(heading);
-            aside().any(|bearing| {
+            aside().filter(move |&bearing| {
                 let (left, ahead) = exact::sin_cos(bearing);
                 (0..=steps).any(|step| {
                     let place = HandPlace {
@@ -155,6 +162,7 @@ impl GraspReach<'_> {
                     }
                 })
             })
-        })
+        });
+        stops.take(most).count()
     }
 }

@@ -161,6 +161,26 @@ impl TaskSpec {
         self.query.is_some()
     }
 
+    /// Variants and targets of a query, in an order that the seed samples; none for a task of
+    /// an area.
+    #[must_use]
+    pub fn choices(&self, seed: u64) -> Vec<(&Variant, &str)> {
+        let Some(query) = &self.query else {
+            return Vec::new();
+        };
+        let variants = self.area.variants.iter();
+        let choices = variants.flat_map(|variant| {
+            let site = query.sites.iter().find(|site| site.name == variant.name);
+            let targets = site.map_or(&[][..], |site| &site.targets);
+            targets
+                .iter()
+                .map(move |&i| (variant, query.stock[i].object.as_str()))
+        });
+        let mut choices: Vec<_> = choices.collect();
+        shuffle(&mut stream(&self.name, seed, "choices"), &mut choices);
+        choices
+    }
+
     /// The task in one variant, with the target that the seed selects, or `target`; a task of
     /// an area stays as it is. `scene` is that of the task.
     ///

@@ -52,6 +52,14 @@ pub struct SceneSample {
     pub surroundings: Vec<String>,
 }
 
+impl SceneSample {
+    /// Whether start and objects were found where the robot starts and grasps them.
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
+        self.has_start && self.has_reach && self.clearance >= 0.0
+    }
+}
+
 /// The variant that a seed selects among those that offer the requested objects, by
 /// their probabilities; `share` is that of all but the first.
 #[must_use]

@@ -55,15 +55,14 @@ impl Operator {
         }
     }
 
-    /// Whether the arm is in its travel posture in a place where the chair with the arm at
-    /// home would collide.
+    /// Whether the arm is in its travel posture and has no room to leave it.
     fn is_confined(&self, observation: &Observation) -> bool {
         let travel = self.scene.travel.as_ref();
         let is_stowed =
             travel.is_some_and(|travel| Stow::is_home(&observation.arm, &travel.joints));
         is_stowed && {
-            let footprint = self.scene.footprint_check(&self.scene.poses(observation));
-            !footprint.is_free(&observation.chair(), 0.0)
+            let check = self.scene.change_check(&self.scene.poses(observation));
+            check.is_some_and(|check| !check.is_free(&observation.chair(), 0.0))
         }
     }
 

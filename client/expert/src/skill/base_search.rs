@@ -19,6 +19,8 @@ use wheelarm_planning::route_planner::RoutePlanner;
 
 /// Placements that are checked for reach and path per stop.
 const PLACES: usize = 120;
+/// The same after none of them did, for an object with few grasps or little floor before it.
+const MORE_PLACES: usize = 500;
 /// The same of those that suit the habits: each costs time, and there are others.
 const WANTED: usize = 60;
 /// Placements without a path after which a list of placements is abandoned: each takes a
@@ -33,7 +35,7 @@ const LEFT: [f64; 2] = [0.12, 0.25];
 /// Straight segments before a stop that are tried, metres.
 const STRAIGHTS: [f64; 3] = [0.35, 0.2, 0.08];
 /// Radii of arcs that are tried, as shares of the operator profile's.
-const ARCS: [f64; 2] = [1.0, 0.75];
+pub(super) const ARCS: [f64; 2] = [1.0, 0.75];
 /// Spacing of the collision checks along the straight segment, metres.
 const SPACING: f64 = 0.04;
 /// Nodes of all path searches after which a base search ends: two complete ones. Where the
@@ -172,14 +174,15 @@ pub(super) fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<(Drive, GraspC
     let chair = now.observation.chair();
     let margin = now.profile.path.margin;
     let mut routes = now.scene.route_planner(now.poses, chair, margin);
-    find_with(now, purpose, &mut routes)
+    find_with(now, purpose, &mut routes, &|_| true)
 }
 
-/// The same with a planner of routes from the chair.
+/// The same with a planner of routes from the chair, and only stops that `accepts`.
 pub(crate) fn find_with(
     now: &mut Now<'_>,
     purpose: Purpose,
     routes: &mut RoutePlanner,
+    accepts: &dyn Fn(&Pose2) -> bool,
 ) -> Result<(Drive, GraspCandidate), String> {
     let chair = now.observation.chair();
     if !routes.is_start_free() {
@@ -193,7 +196,9 @@ pub(crate) fn find_with(
     let mut tally = Tally::default();
     let mut unreached = Unreached::default();
     let mut pathless = Vec::new();
-    for margin in MARGINS {
+    let rounds = [PLACES, MORE_PLACES].into_iter();
+    let rounds = rounds.flat_map(|most| MARGINS.map(|margin| (most, margin)));
+    for (most, margin) in rounds {
         let candidates = candidates(now, purpose, margin);
         tally.candidates = tally.candidates.max(candidates.len());
         let distance = now.profile.grasp.distance;
@@ -201,19 +206,22 @@ pub(crate) fn find_with(
         let place = |habits: Option<&Habits>| {
             let mut placements =
                 base_placement::placements(now.scene, &chair, &candidates, habits, distance);
-            placements.retain(|placement| room.is_free(&placement.chair));
+            placements
+                .retain(|placement| room.is_free(&placement.chair) && accepts(&placement.chair));
             if let Some(opened) = &opened {
                 placements.retain(|placement| opened.is_free(&placement.chair, 0.0));
             }
-            placements.truncate(20 * PLACES);
+            placements.truncate(20 * most);
             placements
         };
         // As the habits want, on the other side, the same half as far, then anywhere.
+        // A second round looks at more placements of no habit.
+        let habits = habits.filter(|_| most == PLACES);
         let wanted = habits.into_iter();
         let wanted = wanted.flat_map(|habits| [habits, habits.milder()]);
         let wanted = wanted.flat_map(|habits| [habits, habits.mirrored()]);
         let wanted = wanted.map(|habits| (place(Some(&habits)), WANTED));
-        let placements: Vec<_> = wanted.chain([(place(None), PLACES)]).collect();
+        let placements: Vec<_> = wanted.chain([(place(None), most)]).collect();
         let choice = Choice {
             purpose,
             candidates,

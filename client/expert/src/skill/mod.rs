@@ -19,6 +19,7 @@ pub mod pull;
 pub mod reach;
 pub mod release;
 pub mod stow;
+mod stowed_drive;
 pub mod watch;
 
 use nalgebra::Isometry3;

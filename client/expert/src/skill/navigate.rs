@@ -2,24 +2,26 @@
 //! until the chair is at rest.
 //!
 //! The arm stays home on the way. Where the chair finds no place or no path with it, and the
-//! robot has a travel posture, the arm is stowed first and returns home at the stop.
+//! robot has a travel posture, the arm is stowed where it has room, and returns home where it
+//! has room again: at the stop, or before it.
 
 use wheelarm_proto::v1::Phase;
 
 use super::base_search::find;
 use super::prepare::Prepare;
 use super::stow::Stow;
+use super::stowed_drive::{self, Leg};
 use super::{Act, Now, Skill, Step};
 use crate::base_placement;
 use crate::drive::Drive;
 use crate::grasp_candidate::GraspCandidate;
-use crate::scene::SceneModel;
-use wheelarm_planning::floor_map::STOWED_CLEARANCE;
 
 pub use super::base_search::Purpose;
 
 /// Longest time of the arm into the travel posture or home, seconds.
 const FOLDING: f64 = 15.0;
+/// Most drives to one stop.
+const LEGS: usize = 6;
 
 #[derive(Clone, Debug)]
 enum State {
@@ -43,9 +45,6 @@ enum State {
     },
 }
 
-/// Greatest speed with the arm stowed, m/s: the chair begins to turn late, and doors are narrow.
-const STOWED_SPEED: f64 = 0.2;
-
 /// See the module.
 #[derive(Clone, Debug)]
 pub struct Navigate {
@@ -53,6 +52,12 @@ pub struct Navigate {
     state: State,
     /// The chair drives with the arm in the travel posture.
     is_stowed: bool,
+    /// The drive ends where the arm changes its posture: the next one is planned there.
+    is_between: bool,
+    /// The chair is where the arm has room to be stowed.
+    wants_stowed: bool,
+    /// Drives that were planned.
+    legs: usize,
 }
 
 impl Navigate {
@@ -63,41 +68,94 @@ impl Navigate {
             purpose,
             state: State::Plan,
             is_stowed: false,
+            is_between: false,
+            wants_stowed: false,
+            legs: 0,
         }
     }
 
     fn plan(&mut self, now: &mut Now<'_>) -> Step {
-        let (drive, candidate) = match find(now, self.purpose) {
-            Ok(found) => found,
-            Err(why) => match self.find_stowed(now) {
-                Some(found) => found,
-                None => return Step::Impossible(why),
-            },
+        self.legs += 1;
+        if self.legs > LEGS {
+            let why = format!("no place to stop after {LEGS} drives");
+            return Step::Impossible(why);
+        }
+        let travel = now.scene.travel.as_ref();
+        if travel.is_some_and(|travel| Stow::is_home(&now.observation.arm, &travel.joints)) {
+            let Some(drive) = stowed_drive::to_return(now) else {
+                let why = "no place where the arm has room to leave its travel posture";
+                return Step::Impossible(why.to_owned());
+            };
+            self.is_stowed = true;
+            self.is_between = true;
+            return self.set_off(now, drive, None);
+        }
+        self.is_stowed = false;
+        self.is_between = false;
+        let own = match self.wants_stowed {
+            true => Err("no way with the arm stowed".to_owned()),
+            false => find(now, self.purpose),
         };
+        let why = match own {
+            Ok((drive, candidate)) => return self.set_off(now, drive, Some(candidate)),
+            Err(why) => why,
+        };
+        // An arm that holds something is not stowed.
+        let leg = match self.purpose {
+            Purpose::Take => stowed_drive::plan(now, self.purpose),
+            Purpose::Put => None,
+        };
+        self.wants_stowed = matches!(leg, Some(Leg::ToStow(_)));
+        match leg {
+            None => Step::Impossible(why),
+            Some(Leg::Stop(drive, candidate)) => {
+                self.is_stowed = true;
+                self.set_off(now, drive, Some(candidate))
+            }
+            Some(Leg::ToReturn(drive)) => {
+                (self.is_stowed, self.is_between) = (true, true);
+                self.set_off(now, drive, None)
+            }
+            Some(Leg::ToStow(drive)) => {
+                self.is_between = true;
+                self.set_off(now, drive, None)
+            }
+        }
+    }
+
+    /// Begins a drive: to a stop for a candidate, or to where the arm changes its posture.
+    fn set_off(
+        &mut self,
+        now: &mut Now<'_>,
+        drive: Drive,
+        candidate: Option<GraspCandidate>,
+    ) -> Step {
         let stop = drive.goal();
         let posture = if self.is_stowed {
             " with the arm stowed"
         } else {
             ""
         };
+        let purpose = match (self.is_between, self.is_stowed) {
+            (false, _) => "",
+            (true, true) => ", where it returns home",
+            (true, false) => ", where it is stowed",
+        };
         now.note(format!(
-            "drives to ({:.2}, {:.2}) heading {:.0}° in {:.1} s{posture}",
+            "drives to ({:.2}, {:.2}) heading {:.0}° in {:.1} s{posture}{purpose}",
             stop.x,
             stop.y,
             stop.heading.to_degrees(),
             drive.duration()
         ));
-        let prepare = match self.purpose {
-            Purpose::Put => None,
-            Purpose::Take => {
-                now.memory.planned = Some(now.object().inv_mul(&candidate.grasp));
+        let mut prepare = None;
+        if let (Purpose::Take, Some(candidate)) = (self.purpose, candidate) {
+            now.memory.planned = Some(now.object().inv_mul(&candidate.grasp));
+            if !self.is_stowed {
                 let at = base_placement::standing(&stop);
-                match self.is_stowed {
-                    true => None,
-                    false => Prepare::plan(now, &at, &candidate, drive.duration()),
-                }
+                prepare = Prepare::plan(now, &at, &candidate, drive.duration());
             }
-        };
+        }
         let time = now.observation.time;
         self.state = match self.is_stowed {
             true => State::Fold { drive, since: time },
@@ -110,37 +168,16 @@ impl Navigate {
         Step::Going(Act::named(Phase::Navigating, "planning"))
     }
 
-    /// The drive for a chair with the arm in the travel posture. An arm that holds something
-    /// is not stowed.
-    fn find_stowed(&mut self, now: &mut Now<'_>) -> Option<(Drive, GraspCandidate)> {
-        let travel = now.scene.travel.as_ref()?;
-        if self.purpose == Purpose::Put {
-            return None;
+    /// What follows a drive, with the arm at home.
+    fn arrived(&mut self) -> Step {
+        if !self.is_between {
+            return Step::Done;
         }
-        let scene = SceneModel {
-            outlines: travel.outlines.clone(),
-            ..now.scene.clone()
-        };
-        for margin in [now.profile.path.margin, STOWED_CLEARANCE] {
-            let mut profile = *now.profile;
-            profile.path.margin = margin;
-            profile.drive.speed = profile.drive.speed.min(STOWED_SPEED);
-            let mut stowed = Now {
-                scene: &scene,
-                goal: now.goal,
-                profile: &profile,
-                observation: now.observation,
-                poses: now.poses,
-                reach: &mut *now.reach,
-                shown: now.shown,
-                memory: &mut *now.memory,
-            };
-            if let Ok(found) = find(&mut stowed, self.purpose) {
-                self.is_stowed = true;
-                return Some(found);
-            }
-        }
-        None
+        self.state = State::Plan;
+        Step::Going(Act {
+            base: Some([0.0, 0.0]),
+            ..Act::named(Phase::Navigating, "planning")
+        })
     }
 
     /// Moves the arm to `joints`, radians; `None` when it is there.
@@ -182,7 +219,11 @@ impl Skill for Navigate {
                 })
             }
             State::Unfold { since } => {
-                Self::posture(now, now.scene.home, *since, "unfolding").unwrap_or(Step::Done)
+                let step = Self::posture(now, now.scene.home, *since, "unfolding");
+                match step {
+                    Some(step) => step,
+                    None => self.arrived(),
+                }
             }
             State::Drive {
                 drive,
@@ -210,7 +251,7 @@ impl Skill for Navigate {
                 let waited = now.observation.time - since;
                 if waited > 0.3 && (speed < 0.005 && rate.abs() < 0.01 || waited > 3.0) {
                     if !self.is_stowed {
-                        return Step::Done;
+                        return self.arrived();
                     }
                     self.state = State::Unfold {
                         since: now.observation.time,

@@ -62,10 +62,15 @@ impl DoorWorld {
     }
 
     /// Whether the chair is free with the arm as it is: within the outlines of the travel
-    /// posture in that posture, and within those of home otherwise.
+    /// posture in that posture, and within those of home otherwise. On the way between them the
+    /// arm needs more room.
     fn is_free(&self) -> bool {
         let travel = self.world.scene.travel.as_ref().expect("a travel posture");
         let is_stowed = Stow::is_home(&self.joints, &travel.joints);
+        if !is_stowed && !Stow::is_home(&self.joints, &self.world.scene.home) {
+            let check = self.world.scene.change_check(&self.world.objects);
+            return check.is_some_and(|check| check.is_free(&self.world.chair, 0.0));
+        }
         let scene = SceneModel {
             outlines: match is_stowed {
                 true => travel.outlines.clone(),
@@ -168,4 +173,39 @@ fn arm_stays_stowed_from_a_start_where_it_has_no_room() {
     let (outcome, notes) = world.run();
     assert_eq!(outcome, Outcome::Success, "{notes:?}");
     assert!(world.furthest > 0.97);
+}
+
+/// A wall beside the door on the side of the table, to the left of a chair that comes through
+/// it: the arm has no room to return home before the table.
+#[test]
+fn arm_returns_home_where_it_has_room_and_not_at_a_narrow_stop() {
+    let mut world = DoorWorld::new(BEFORE_THE_DOOR, [0.0; 6]);
+    // High shelves on both sides of the table's place.
+    for y in [1.0, 3.2] {
+        let shelf = obb([-8.2, y, 1.3], [0.5, 0.05, 1.3]);
+        world.world.scene.furniture.push(shelf);
+    }
+    let (outcome, notes) = world.run();
+    assert_eq!(outcome, Outcome::Success, "{notes:?}");
+    let drives = notes.iter().filter(|note| note.starts_with("drives"));
+    let drives: Vec<&String> = drives.collect();
+    assert!(
+        drives[0].ends_with("with the arm stowed, where it returns home"),
+        "{notes:?}"
+    );
+    assert!(!drives[1].contains("stowed"), "{notes:?}");
+}
+
+/// Shelves around the chair: the arm at home has no room to be stowed there.
+#[test]
+fn arm_is_stowed_where_it_has_room() {
+    let mut world = DoorWorld::new(BEFORE_THE_DOOR, [0.0; 6]);
+    let shelf = obb([-4.2, 2.45, 1.3], [0.6, 0.05, 1.3]);
+    world.world.scene.furniture.push(shelf);
+    let (outcome, notes) = world.run();
+    assert_eq!(outcome, Outcome::Success, "{notes:?}");
+    let drives = notes.iter().filter(|note| note.starts_with("drives"));
+    let drives: Vec<&String> = drives.collect();
+    assert!(drives[0].ends_with("where it is stowed"), "{notes:?}");
+    assert!(drives[1].contains("with the arm stowed"), "{notes:?}");
 }

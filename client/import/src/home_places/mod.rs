@@ -11,7 +11,6 @@ mod spot;
 mod start;
 
 use wheelarm_pack::{Pack, PackError, PlaceEntry, StartRangesEntry};
-use wheelarm_planning::reached::Reached;
 
 use crate::home_report::floor::{self, Floor};
 use crate::home_report::{Home, NoHome, RobotFacts, rooms, surfaces};
@@ -82,7 +81,7 @@ pub fn add(pack: &Pack, robot: PlaceRobot<'_>) -> Result<HomePlaces, NoPlaces> {
     let mut counts = [0; 2];
     for within in [false, true] {
         if within {
-            floor.driven = Reached::all(floor.driven.map().clone());
+            floor = floor.from_anywhere();
         }
         let floors = start::Floors {
             driven: &floor,

@@ -23,7 +23,7 @@ pub(super) fn near(home: &Home, floors: &Floors<'_>, spot: &Spot) -> Option<Star
     let stop = Pose2 { x, y, heading };
     let room = home.room_at([x, y]);
     let far = |at: [f64; 2]| exact::hypot(at[0] - spot.at[0], at[1] - spot.at[1]);
-    let mut places = floors.driven.driven.places();
+    let mut places = floors.driven.reach.home.places();
     places.retain(|place| {
         let distance = far(place.at);
         (DISTANCES[0]..=DISTANCES[1]).contains(&distance) && home.room_at(place.at) == room
@@ -81,16 +81,14 @@ pub(super) struct Floors<'a> {
 impl Floors<'_> {
     /// Whether the chair is free at all ends of the ranges and gets from there to `stop`.
     fn are_free(&self, start: &Start, stop: &Pose2) -> bool {
-        let map = self.driven.driven.map();
         start.x.iter().all(|&x| {
             start.y.iter().all(|&y| {
                 start.yaw_deg.iter().all(|yaw| {
                     let heading = wrap(yaw.to_radians());
                     let pose = Pose2 { x, y, heading };
                     self.parked.is_free(&pose, DRIVE_CLEARANCE)
-                        && map.is_free(&pose)
-                        && self.driven.driven.contains(&pose)
-                        && map.has_way(&pose, stop)
+                        && self.driven.reach.home.contains(&pose)
+                        && self.driven.has_way(&pose, stop)
                 })
             })
         })

@@ -34,8 +34,6 @@ const APART: f64 = 0.02;
 /// Solids count as in the way of the arm from this far below to this far above the handle,
 /// metres.
 const WAY: [f64; 2] = [-0.05, 0.15];
-/// Length of the straight segment on which the chair arrives at a stop, metres.
-const ARRIVAL: f64 = 0.08;
 
 /// Why a leaf is not opened; later ones are nearer to success.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -231,9 +229,7 @@ impl Search<'_> {
             self.note(Reason::HitsChair);
             return false;
         }
-        let is_driven = [0.0, -ARRIVAL]
-            .iter()
-            .any(|back| self.floor.driven.contains(&pose.rolled(*back, 0.0)));
+        let is_driven = self.floor.reach.is_before(pose);
         if !is_driven {
             self.note(Reason::NotConnected);
         }

@@ -60,8 +60,10 @@ pub struct RobotFacts {
     pub name: String,
     /// Posture of the outlines.
     pub posture: Posture,
-    /// Outlines by height, bottom up, each with its upper end, metres.
+    /// Outlines in it by height, bottom up, each with its upper end, metres.
     pub outlines: Vec<(f64, Outline)>,
+    /// The same with the arm at home, from where it works.
+    pub outlines_at_home: Vec<(f64, Outline)>,
     /// Least and greatest distance from the arm's base to a point that counts, on the floor
     /// plan, metres.
     pub range: [f64; 2],
@@ -155,9 +157,9 @@ impl RobotFacts {
             path: path.clone(),
             source: Box::new(source),
         })?;
-        let entries = match (posture, file.travel) {
-            (Posture::Home, _) => file.outline,
-            (Posture::Travel, Some(travel)) => travel.outline,
+        let travel = match (posture, file.travel) {
+            (Posture::Home, _) => None,
+            (Posture::Travel, Some(travel)) => Some(travel.outline),
             (Posture::Travel, None) => return Err(RobotFactsError::NoTravel { path }),
         };
         let invalid = |what: String, found: String, expected| RobotFactsError::Invalid {
@@ -166,28 +168,36 @@ impl RobotFacts {
             found,
             expected,
         };
-        let mut outlines: Vec<(f64, Outline)> = Vec::new();
-        for (index, entry) in entries.iter().enumerate() {
-            let below = outlines.last().map_or(0.0, |(top, _)| *top);
-            let [back, front, right, left] = entry.footprint;
-            let is_sane = entry.top > below
-                && entry.top < 5.0
-                && back < front
-                && right < left
-                && entry.footprint.iter().all(|side| side.abs() < 5.0);
-            if !is_sane {
-                return Err(invalid(
-                    format!("outline[{index}]"),
-                    format!("top {} m, {:?} m", entry.top, entry.footprint),
-                    "rising tops, x min < x max, y min < y max, within 5 m",
-                ));
+        let outlines = |entries: &[OutlineEntry]| {
+            let mut outlines: Vec<(f64, Outline)> = Vec::new();
+            for (index, entry) in entries.iter().enumerate() {
+                let below = outlines.last().map_or(0.0, |(top, _)| *top);
+                let [back, front, right, left] = entry.footprint;
+                let is_sane = entry.top > below
+                    && entry.top < 5.0
+                    && back < front
+                    && right < left
+                    && entry.footprint.iter().all(|side| side.abs() < 5.0);
+                if !is_sane {
+                    return Err(invalid(
+                        format!("outline[{index}]"),
+                        format!("top {} m, {:?} m", entry.top, entry.footprint),
+                        "rising tops, x min < x max, y min < y max, within 5 m",
+                    ));
+                }
+                let sides = entry.footprint;
+                outlines.push((entry.top, Outline { sides }));
             }
-            let sides = entry.footprint;
-            outlines.push((entry.top, Outline { sides }));
-        }
-        if outlines.is_empty() {
-            return Err(invalid("outline".to_owned(), "empty".to_owned(), "a table"));
-        }
+            match outlines.is_empty() {
+                true => Err(invalid("outline".to_owned(), "empty".to_owned(), "a table")),
+                false => Ok(outlines),
+            }
+        };
+        let outlines_at_home = outlines(&file.outline)?;
+        let outlines = match travel {
+            Some(travel) => outlines(&travel)?,
+            None => outlines_at_home.clone(),
+        };
         let range = [file.reach.nearest, file.reach.furthest.min(FURTHEST)];
         if !(range[0] > 0.0 && range[0] < range[1]) {
             let found = format!("{range:?} m");
@@ -201,6 +211,7 @@ impl RobotFacts {
             name: name.to_owned(),
             posture,
             outlines,
+            outlines_at_home,
             range,
             reach,
         })

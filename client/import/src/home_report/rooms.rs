@@ -73,11 +73,15 @@ pub fn test(home: &Home, floor: &Floor) -> Vec<RoomReport> {
     home.rooms.iter().map(report).collect()
 }
 
-/// Middle of the free floor where the chair turns on the spot, or of any floor it gets to:
-/// x, y, metres, and heading, radians. Nearest to the middle of the largest entered room.
+/// Middle of the free floor where the chair turns on the spot, or of any floor it gets to, with
+/// the arm at home where it can: x, y, metres, and heading, radians. Nearest to the middle of
+/// the largest entered room.
 #[must_use]
 pub fn start(home: &Home, floor: &Floor, rooms: &[RoomReport]) -> Option<[f64; 3]> {
-    let places = floor.driven.places();
+    let mut places = floor.reach.home.places();
+    if places.is_empty() {
+        places = floor.driven.places();
+    }
     let indoors = home.rooms.iter().zip(rooms);
     let entered = indoors.filter(|(_, report)| report.entered && !report.outdoors);
     let largest = entered.max_by(|a, b| a.0.area().total_cmp(&b.0.area()));

@@ -8,7 +8,7 @@
 use std::f64::consts::FRAC_PI_2;
 
 use serde::Serialize;
-use wheelarm_planning::arm_access::{ARRIVAL, PITCHES, aside, lifts, may_cover, way};
+use wheelarm_planning::arm_access::{PITCHES, aside, lifts, may_cover, way};
 use wheelarm_planning::footprint_check::{Pose2, wrap};
 use wheelarm_planning::reach_map::HandPlace;
 use wheelarm_proto::exact;
@@ -290,9 +290,7 @@ impl Search<'_> {
             return false;
         }
         // The chair arrives on a straight segment.
-        let is_driven = [0.0, -ARRIVAL]
-            .iter()
-            .any(|back| self.floor.driven.contains(&pose.rolled(*back, 0.0)));
+        let is_driven = self.floor.reach.is_before(pose);
         if !is_driven {
             self.note(Reason::NotConnected, None);
         }
@@ -303,7 +301,7 @@ impl Search<'_> {
     fn collision(&self, pose: &Pose2) -> Option<Owner> {
         let margin = self.floor.stops.margin();
         let mut below = 0.0;
-        for (top, outline) in &self.robot.outlines {
+        for (top, outline) in &self.robot.outlines_at_home {
             let at = outline.rectangle_at(pose, margin);
             let met = self.home.solids.iter().find(|solid| {
                 solid.heights[0] <= *top

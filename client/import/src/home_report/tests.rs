@@ -110,6 +110,22 @@ fn put_box(home: &mut Home, name: &str, category: &str, x: [f64; 2], y: [f64; 2]
 }
 
 #[test]
+fn table_behind_a_narrow_door_is_reached_where_the_arm_has_room_to_return_home() {
+    // The chair enters the kitchen with its arm stowed only.
+    for (wide, is_reached) in [(4.0, true), (1.1, false)] {
+        let mut home = two_rooms(0.8);
+        put_table(&mut home, "table", [7.7, 2.0], 0.75);
+        for y in [[2.0 + wide / 2.0, 4.1], [-0.1, 2.0 - wide / 2.0]] {
+            let narrow = solid(Owner::Building, [4.1, 8.1], y, [0.0, 2.5]);
+            home.solids.push(narrow);
+        }
+        let Finding { report, .. } = Finding::new(&home, &robot(Posture::Travel));
+        assert_eq!(report.summary.rooms_entered, 2, "{wide} m");
+        assert_eq!(report.summary.surfaces_reached == 1, is_reached, "{wide} m");
+    }
+}
+
+#[test]
 fn a_table_in_the_open_is_reached_from_a_stop_that_is_free() {
     let mut home = two_rooms(1.0);
     put_table(&mut home, "table", [6.1, 3.6], 0.75);

@@ -1,0 +1,245 @@
+//! Drives with the arm stowed: to a stop where the arm has room to return home, or by way of
+//! places where it has room to change its posture. The chair drives to such a place, changes,
+//! and plans again.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use super::Now;
+use super::base_search::{ARCS, Purpose, find, find_with};
+use crate::base_placement;
+use crate::drive::Drive;
+use crate::grasp_candidate::GraspCandidate;
+use crate::observation::Observation;
+use crate::profile::OperatorProfile;
+use crate::scene::SceneModel;
+use wheelarm_planning::floor_map::{CHANGE_CLEARANCE, FloorMap, STOWED_CLEARANCE};
+use wheelarm_planning::footprint_check::{FootprintCheck, Pose2};
+use wheelarm_planning::hybrid_a_star::DriveGoal;
+use wheelarm_planning::postures::{Posture, PostureFloor};
+use wheelarm_planning::reached::Reached;
+
+/// Greatest speed with the arm stowed, m/s, and on arcs: the chair begins to turn late, and
+/// doors are narrow.
+const SPEEDS: [f64; 2] = [0.35, 0.2];
+/// Places to change that one drive may have as goals, and parts of the floor in which they are
+/// looked for.
+const GOALS: usize = 40;
+const PARTS: usize = 3;
+/// Places that are this near to one another are one, metres.
+const SPACING: f64 = 0.15;
+/// Places that are looked at for one drive.
+const MOST: usize = 3_000;
+/// A chair arrives this near, metres.
+const ARRIVAL_ERROR: f64 = 0.02;
+
+/// A drive that begins or ends with a change of the arm's posture.
+pub(super) enum Leg {
+    /// Stowed, to a stop for a candidate, where the arm returns home.
+    Stop(Drive, GraspCandidate),
+    /// With the arm at home, to a place where it has room to be stowed.
+    ToStow(Drive),
+    /// Stowed, to a place where the arm has room to return home; then the work is planned
+    /// again.
+    ToReturn(Drive),
+}
+
+/// The floor of a chair that stows its arm.
+struct Floor {
+    change: Arc<FloorMap>,
+    check: FootprintCheck,
+    floor: PostureFloor,
+    stowed: SceneModel,
+    profile: OperatorProfile,
+}
+
+impl Floor {
+    fn new(now: &Now<'_>) -> Option<Self> {
+        let (chair, margin) = (now.observation.chair(), now.profile.path.margin);
+        let stowed = SceneModel {
+            outlines: now.scene.travel.as_ref()?.outlines.clone(),
+            ..now.scene.clone()
+        };
+        let change = now.scene.change_map(now.poses, chair)?;
+        let mut at_home = now.scene.route_planner(now.poses, chair, margin);
+        let mut travel = stowed.route_planner(now.poses, chair, STOWED_CLEARANCE);
+        let maps = [travel.map(STOWED_CLEARANCE), change.clone()];
+        let mut profile = *now.profile;
+        profile.drive.speed = profile.drive.speed.min(SPEEDS[0]);
+        profile.drive.bend_speed = SPEEDS[1];
+        Some(Self {
+            floor: PostureFloor::new(at_home.map(margin), Some(maps)),
+            change,
+            check: now.scene.change_check(now.poses)?,
+            stowed,
+            profile,
+        })
+    }
+
+    /// Whether the arm has room to change where the chair stands.
+    fn is_room_at(&self, chair: &Pose2) -> bool {
+        self.check.is_free(chair, CHANGE_CLEARANCE - ARRIVAL_ERROR)
+    }
+
+    /// Places where the arm has room to change that `accepts`, the nearest to `at` first.
+    fn places(&self, at: [f64; 2], accepts: &dyn Fn(&Pose2) -> bool) -> Vec<Pose2> {
+        let grid = self.change.grid().coarse();
+        let open = (0..grid.poses()).filter_map(|index| {
+            let cell = grid.cell_pose(index);
+            let is_open = !self.change.coarse().contains(&grid, cell);
+            is_open.then(|| grid.middle(cell))
+        });
+        let far = |pose: &Pose2| {
+            let [dx, dy] = [pose.x - at[0], pose.y - at[1]];
+            dx * dx + dy * dy
+        };
+        let mut places: Vec<Pose2> = open.collect();
+        places.sort_by(|a, b| far(a).total_cmp(&far(b)));
+        let free = places.into_iter();
+        let free = free.filter(|pose| accepts(pose) && self.change.is_free(pose));
+        free.take(MOST).collect()
+    }
+
+    /// The part of the map of a posture that contains a pose.
+    fn part(&self, posture: Posture, pose: &Pose2) -> Option<u16> {
+        self.floor.map(posture)?.part_at(pose)
+    }
+
+    /// The inputs of a skill for the chair with its arm stowed, with this clearance, metres.
+    fn find(
+        &self,
+        now: &mut Now<'_>,
+        purpose: Purpose,
+        margin: f64,
+    ) -> Option<(Drive, GraspCandidate)> {
+        let mut profile = self.profile;
+        profile.path.margin = margin;
+        let mut stowed = Now {
+            scene: &self.stowed,
+            goal: now.goal,
+            profile: &profile,
+            observation: now.observation,
+            poses: now.poses,
+            reach: &mut *now.reach,
+            shown: now.shown,
+            memory: &mut *now.memory,
+        };
+        let chair = now.observation.chair();
+        let mut routes = self.stowed.route_planner(now.poses, chair, margin);
+        let has_room = |pose: &Pose2| self.change.is_free(pose);
+        find_with(&mut stowed, purpose, &mut routes, &has_room).ok()
+    }
+
+    /// The drive to the best of `places` with the arm in a posture.
+    fn drive(&self, now: &Now<'_>, posture: Posture, places: &[Pose2]) -> Option<Drive> {
+        let chair = now.observation.chair();
+        let (scene, profile, margin) = match posture {
+            Posture::Home => (now.scene, now.profile, now.profile.path.margin),
+            Posture::Travel => (&self.stowed, &self.profile, STOWED_CLEARANCE),
+        };
+        let mut goals: Vec<DriveGoal> = Vec::new();
+        for place in places {
+            let is_new = |goal: &DriveGoal| goal.pose.distance(place) > SPACING;
+            if goals.len() < GOALS && goals.iter().all(is_new) {
+                goals.push(DriveGoal {
+                    pose: *place,
+                    cost: 0.0,
+                });
+            }
+        }
+        let radii = ARCS.map(|tightness| profile.path.radius * tightness);
+        let mut routes = scene.route_planner(now.poses, chair, margin);
+        let found = routes.route(&goals, &radii).ok()?;
+        Some(Drive::new(chair, &found.path.segments, &profile.drive))
+    }
+}
+
+/// The drive of a chair whose arm is in the travel posture to the nearest place where it has
+/// room to return home; an empty one where it is there.
+pub(super) fn to_return(now: &Now<'_>) -> Option<Drive> {
+    let chair = now.observation.chair();
+    let floor = Floor::new(now)?;
+    if floor.is_room_at(&chair) {
+        return Some(Drive::new(chair, &[], &floor.profile.drive));
+    }
+    let reached = Reached::from_start(floor.floor.map(Posture::Travel)?.clone(), &chair);
+    let places = floor.places([chair.x, chair.y], &|pose| reached.contains(pose));
+    floor.drive(now, Posture::Travel, &places)
+}
+
+/// The first drive of a chair with its arm at home that finds no stop in that posture.
+pub(super) fn plan(now: &mut Now<'_>, purpose: Purpose) -> Option<Leg> {
+    let floor = Floor::new(now)?;
+    let chair = now.observation.chair();
+    let margins = [now.profile.path.margin, STOWED_CLEARANCE];
+    let found = (margins.into_iter()).find_map(|margin| floor.find(now, purpose, margin));
+    let leg = match found {
+        Some((drive, candidate)) => Leg::Stop(drive, candidate),
+        None => Leg::ToReturn(beyond(now, &floor, purpose)?),
+    };
+    // The arm needs room to be stowed, too.
+    if floor.is_room_at(&chair) {
+        return Some(leg);
+    }
+    let to = match &leg {
+        Leg::Stop(drive, _) | Leg::ToReturn(drive) | Leg::ToStow(drive) => drive.goal(),
+    };
+    let from = |posture, pose: &Pose2| {
+        let map = floor.floor.map(posture)?;
+        Some(Reached::from_start(map.clone(), pose))
+    };
+    let [own, travel] = [from(Posture::Home, &chair)?, from(Posture::Travel, &to)?];
+    let is_between = |pose: &Pose2| own.contains(pose) && travel.contains(pose);
+    let places = floor.places([chair.x, chair.y], &is_between);
+    floor.drive(now, Posture::Home, &places).map(Leg::ToStow)
+}
+
+/// The stowed drive to a part of the floor from which the chair finds a stop with its arm at
+/// home.
+fn beyond(now: &mut Now<'_>, floor: &Floor, purpose: Purpose) -> Option<Drive> {
+    let chair = now.observation.chair();
+    let reach = floor.floor.from_start(&chair, Posture::Home);
+    let own = floor.part(Posture::Home, &chair);
+    let object = now.object().translation;
+    let is_beyond = |pose: &Pose2| {
+        let part = floor.part(Posture::Home, pose);
+        part != own
+            && reach.home.contains(pose)
+            && reach
+                .travel
+                .as_ref()
+                .is_some_and(|travel| travel.contains(pose))
+    };
+    let places = floor.places([object.x, object.y], &is_beyond);
+    // Parts by their nearest place.
+    let mut order = Vec::new();
+    let mut of_part: BTreeMap<u16, Vec<Pose2>> = BTreeMap::new();
+    for pose in places {
+        if let Some(part) = floor.part(Posture::Home, &pose) {
+            let known = of_part.entry(part).or_insert_with(|| {
+                order.push(part);
+                Vec::new()
+            });
+            known.push(pose);
+        }
+    }
+    order.into_iter().take(PARTS).find_map(|part| {
+        let places = &of_part[&part];
+        let there = Observation {
+            house_from_chair: base_placement::standing(places.first()?),
+            ..now.observation.clone()
+        };
+        let mut from_there = Now {
+            scene: now.scene,
+            goal: now.goal,
+            profile: now.profile,
+            observation: &there,
+            poses: now.poses,
+            reach: &mut *now.reach,
+            shown: now.shown,
+            memory: &mut *now.memory,
+        };
+        find(&mut from_there, purpose).ok()?;
+        floor.drive(now, Posture::Travel, places)
+    })
+}
