@@ -22,6 +22,7 @@ mod glb;
 pub mod home_places;
 pub mod home_report;
 mod joints;
+pub mod layout;
 mod model;
 mod paint;
 mod place;
