@@ -85,7 +85,7 @@ except ImportError:  # the environments are an optional extra
 
     def __getattr__(name: str) -> object:
         if name in _ENVIRONMENTS:
-            raise ImportError(f"wheelarm.{name} needs Gymnasium: pip install 'wheelarm[gym]'")
+            raise ImportError(f"wheelarm.{name} needs Gymnasium: pip install 'gymnasium>=1.0,<2'")
         raise AttributeError(f"module 'wheelarm' has no attribute {name!r}")
 
 else:
