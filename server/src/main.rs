@@ -263,8 +263,9 @@ fn print_samples(
         let (_, scene, floor) = found.context("the area does not have this variant")?;
         let needs_floor = scenario.starts == Starts::Anywhere || rules == SamplingRules::Maps;
         let floor = needs_floor.then_some(floor);
-        let (one, variant) = task.settled(variant, scene, seed, "")?;
-        let draw = tasks::sample(&one, &variant, scene, seed, floor);
+        let settled = task.settled(variant, scene, seed, "")?;
+        let about = tasks::sample_reached(&task, settled, &|_, _| true, scene, seed, floor);
+        let ((_, variant), draw) = about;
         let row = table::row(&task.area, scene, &task.name, &variant.name, seed, &draw);
         writeln!(out, "{row}")?;
     }

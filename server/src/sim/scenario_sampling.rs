@@ -14,9 +14,6 @@ use crate::robot::{ARM_JOINTS, RobotModel};
 use crate::scene::{Body, Placement, Scene};
 use crate::tasks::{self, Floor, SamplingRules, SceneSample, TaskSample, TaskSpec, Variant};
 
-/// Places and objects of a query that are sampled until the robot reaches one.
-const CHOICES: usize = 24;
-
 /// The variant of a task's area: the named one, else the one whose objects the scenario
 /// places, else a sampled one.
 fn variant<'a>(task: &'a TaskSpec, scenario: &Scenario) -> Result<&'a Variant, SimError> {
@@ -63,38 +60,21 @@ pub(super) fn settled(
     Ok(task.settled(variant, scene, scenario.seed, &scenario.target)?)
 }
 
-/// A task in a variant, and a sample of it.
-pub(super) type Drawn = ((TaskSpec, Variant), TaskSample);
-
-/// Samples a settled task. A query is settled again, where the scenario leaves place or object
-/// `open`, until the robot reaches the object from its start; the last sample says why it does
-/// not.
+/// Samples a settled task. A query is settled again where the scenario leaves place or object
+/// open.
 pub(super) fn sampled(
     task: &TaskSpec,
     settled: (TaskSpec, Variant),
     (scenario, is_variant_open): (&Scenario, bool),
     scene: &Scene,
     floor: Option<&Floor>,
-) -> Drawn {
-    let draw = |about: (TaskSpec, Variant)| {
-        let sample = tasks::sample(&about.0, &about.1, scene, scenario.seed, floor);
-        (about, sample)
+) -> ((TaskSpec, Variant), TaskSample) {
+    let is_open = |variant: &str, target: &str| {
+        let is_target = scenario.target.is_empty() || scenario.target == target;
+        let is_variant = is_variant_open || scenario.variant.as_deref() == Some(variant);
+        scenario.objects.is_empty() && is_target && is_variant
     };
-    let first = draw(settled);
-    if first.1.scene.is_complete() || !scenario.objects.is_empty() || floor.is_none() {
-        return first;
-    }
-    let is_open = |(variant, target): &(&Variant, &str)| {
-        let is_own = first.0.1.name == variant.name;
-        (is_own || is_variant_open) && (scenario.target.is_empty() || scenario.target == *target)
-    };
-    let choices = task.choices(scenario.seed).into_iter().filter(is_open);
-    let others = choices.take(CHOICES).filter_map(|(variant, target)| {
-        // Every choice fits its place.
-        task.settled(variant, scene, scenario.seed, target).ok()
-    });
-    let complete = others.map(draw).find(|drawn| drawn.1.scene.is_complete());
-    complete.unwrap_or(first)
+    tasks::sample_reached(task, settled, &is_open, scene, scenario.seed, floor)
 }
 
 /// The rules of sampling, which the scenario then states.

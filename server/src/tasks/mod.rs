@@ -65,4 +65,4 @@ pub use sampling_rules::SamplingRules;
 pub use scene_sampling::{SceneSample, sample_scene};
 pub use sentence::{Language, POLITENESS, sentence};
 pub use spec::{FailureSpec, TaskSpec, WaitSpec};
-pub use task_sampling::{TaskSample, sample, variant_of};
+pub use task_sampling::{TaskSample, sample, sample_reached, variant_of};

@@ -10,6 +10,8 @@ use super::scene_sampling::{SceneSample, sample_scene, variant};
 use super::spec::TaskSpec;
 use crate::scene::Scene;
 
+/// Places and objects of a query that are sampled until the robot reaches one.
+const CHOICES: usize = 24;
 /// Ordinals in sentences.
 const ORDINALS: [&str; 6] = ["first", "second", "third", "fourth", "fifth", "sixth"];
 
@@ -58,6 +60,38 @@ pub fn sample(
         target,
         instruction,
     }
+}
+
+/// Samples a settled task. A query whose object the robot does not reach from its start is
+/// settled again, with any variant and target that are open by `is_open`; when none is
+/// reached, the first sample says why.
+#[must_use]
+pub fn sample_reached(
+    task: &TaskSpec,
+    settled: (TaskSpec, Variant),
+    is_open: &dyn Fn(&str, &str) -> bool,
+    scene: &Scene,
+    seed: u64,
+    floor: Option<&Floor>,
+) -> ((TaskSpec, Variant), TaskSample) {
+    let sampled = |about: (TaskSpec, Variant)| {
+        let sample = sample(&about.0, &about.1, scene, seed, floor);
+        (about, sample)
+    };
+    let first = sampled(settled);
+    if first.1.scene.is_complete() || floor.is_none() {
+        return first;
+    }
+    let choices = task.choices(seed).into_iter();
+    let choices = choices.filter(|(variant, target)| is_open(&variant.name, target));
+    // Every choice fits its place.
+    let others = choices
+        .take(CHOICES)
+        .filter_map(|(variant, target)| task.settled(variant, scene, seed, target).ok());
+    let complete = others
+        .map(sampled)
+        .find(|(_, sample)| sample.scene.is_complete());
+    complete.unwrap_or(first)
 }
 
 /// Whether the robot puts the target down in the middle of the task's region, if the task has

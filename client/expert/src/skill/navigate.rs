@@ -93,7 +93,7 @@ impl Navigate {
         self.is_stowed = false;
         self.is_between = false;
         let own = match self.wants_stowed {
-            true => Err("no way with the arm stowed".to_owned()),
+            true => Err("no place to stop after the arm was stowed".to_owned()),
             false => find(now, self.purpose),
         };
         let why = match own {

@@ -2,18 +2,19 @@
 //! places where it has room to change its posture. The chair drives to such a place, changes,
 //! and plans again.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::Now;
-use super::base_search::{ARCS, Purpose, find, find_with};
+use super::base_search::{ARCS, Purpose, find, find_with, free_stops};
 use crate::base_placement;
 use crate::drive::Drive;
 use crate::grasp_candidate::GraspCandidate;
 use crate::observation::Observation;
 use crate::profile::OperatorProfile;
 use crate::scene::SceneModel;
-use wheelarm_planning::floor_map::{CHANGE_CLEARANCE, FloorMap, STOWED_CLEARANCE};
+use wheelarm_planning::arm_access::ARRIVAL;
+use wheelarm_planning::floor_map::{FloorMap, STOWED_CLEARANCE};
 use wheelarm_planning::footprint_check::{FootprintCheck, Pose2};
 use wheelarm_planning::hybrid_a_star::DriveGoal;
 use wheelarm_planning::postures::{Posture, PostureFloor};
@@ -25,13 +26,11 @@ const SPEEDS: [f64; 2] = [0.35, 0.2];
 /// Places to change that one drive may have as goals, and parts of the floor in which they are
 /// looked for.
 const GOALS: usize = 40;
-const PARTS: usize = 3;
+const PARTS: usize = 4;
 /// Places that are this near to one another are one, metres.
 const SPACING: f64 = 0.15;
 /// Places that are looked at for one drive.
-const MOST: usize = 3_000;
-/// A chair arrives this near, metres.
-const ARRIVAL_ERROR: f64 = 0.02;
+const MOST: usize = 1_000;
 
 /// A drive that begins or ends with a change of the arm's posture.
 pub(super) enum Leg {
@@ -76,9 +75,10 @@ impl Floor {
         })
     }
 
-    /// Whether the arm has room to change where the chair stands.
+    /// Whether the arm has room to change where the chair stands: it arrives with a small error,
+    /// for which the places have their clearance.
     fn is_room_at(&self, chair: &Pose2) -> bool {
-        self.check.is_free(chair, CHANGE_CLEARANCE - ARRIVAL_ERROR)
+        self.check.is_free(chair, 0.0)
     }
 
     /// Places where the arm has room to change that `accepts`, the nearest to `at` first.
@@ -93,11 +93,10 @@ impl Floor {
             let [dx, dy] = [pose.x - at[0], pose.y - at[1]];
             dx * dx + dy * dy
         };
-        let mut places: Vec<Pose2> = open.collect();
+        let mut places: Vec<Pose2> = open.filter(|pose| accepts(pose)).collect();
         places.sort_by(|a, b| far(a).total_cmp(&far(b)));
-        let free = places.into_iter();
-        let free = free.filter(|pose| accepts(pose) && self.change.is_free(pose));
-        free.take(MOST).collect()
+        places.retain(|pose| self.change.is_free(pose));
+        places
     }
 
     /// The part of the map of a posture that contains a pose.
@@ -138,7 +137,7 @@ impl Floor {
             Posture::Travel => (&self.stowed, &self.profile, STOWED_CLEARANCE),
         };
         let mut goals: Vec<DriveGoal> = Vec::new();
-        for place in places {
+        for place in places.iter().take(MOST) {
             let is_new = |goal: &DriveGoal| goal.pose.distance(place) > SPACING;
             if goals.len() < GOALS && goals.iter().all(is_new) {
                 goals.push(DriveGoal {
@@ -201,9 +200,16 @@ fn beyond(now: &mut Now<'_>, floor: &Floor, purpose: Purpose) -> Option<Drive> {
     let reach = floor.floor.from_start(&chair, Posture::Home);
     let own = floor.part(Posture::Home, &chair);
     let object = now.object().translation;
+    let stops = free_stops(now, purpose);
+    let before = stops
+        .iter()
+        .flat_map(|stop| [*stop, stop.rolled(-ARRIVAL, 0.0)]);
+    let of_stops = before.filter_map(|pose| floor.part(Posture::Home, &pose));
+    let of_stops: BTreeSet<u16> = of_stops.collect();
     let is_beyond = |pose: &Pose2| {
         let part = floor.part(Posture::Home, pose);
         part != own
+            && part.is_some_and(|part| of_stops.contains(&part))
             && reach.home.contains(pose)
             && reach
                 .travel

@@ -80,6 +80,18 @@ fn home_text() -> String {
     text + "[[object]]\nname = \"jar_1\"\nkind = \"jar\"\non = \"table_1\"\nat = [0.2, 0]\n"
 }
 
+/// Places on both tables, with a start in the kitchen.
+fn places() -> String {
+    let place = |table: &str, room: &str| {
+        format!(
+            "[[place]]\non = \"{table}\"\nsurface = \"top\"\nroom = \"{room}\"\n\
+             inwards = [0.12, 0.22]\nalong = [-0.2, 0.2]\nheadroom = 0.6\n\
+             start = {{ x = [2.5, 2.7], y = [1.4, 1.6], yaw_deg = [88, 92] }}\n"
+        )
+    };
+    place("table_1", "kitchen") + &place("table_2", "store")
+}
+
 struct Rooms {
     scene: Scene,
     model: RobotModel,
@@ -88,9 +100,14 @@ struct Rooms {
 
 impl Rooms {
     fn new() -> Self {
+        Self::with(&home_text())
+    }
+
+    /// The home of a text.
+    fn with(home: &str) -> Self {
         let flat = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/flat");
         let mut files = Pack::open(&flat).unwrap().files().clone();
-        files.insert("home.toml".to_owned(), home_text().into_bytes());
+        files.insert("home.toml".to_owned(), home.to_owned().into_bytes());
         let pack = Arc::new(Pack::from_files(files).unwrap());
         let scene = Scene::from_pack(&assets(), &pack).unwrap();
         let task = TaskSpec::load(&assets(), "pick_jar", &scene, &hand());
@@ -244,6 +261,36 @@ fn objects_behind_a_wall_are_out_of_reach_after_few_attempts() {
     let surface = rooms.scene.surface_named("table_1", None).unwrap();
     let at = rooms.sample(&rooms.task.area, 0, &floor).placements[object].unwrap();
     assert!(reach.can_grasp(body, &at.pose, surface) && reach.can_put(body, &at.pose, surface));
+}
+
+#[test]
+fn query_selects_another_place_where_the_robot_does_not_reach_the_first() {
+    let rooms = Rooms::with(&(home_text() + &places()));
+    let name = "take_from_table";
+    let scene = stocked(&assets(), name, rooms.scene.clone()).expect("a stocked home");
+    let task = TaskSpec::load(&assets(), name, &scene, &hand()).expect("a task");
+    let reach = rooms.model.read_reach_map(&assets()).unwrap();
+    let floor = Floor::new(&rooms.model, &scene).by_maps(&scene, reach, Starts::Anywhere);
+    let mut replaced = 0;
+    for seed in 0..8 {
+        let variant = variant_of(&task, seed, None).expect("a place");
+        let settled = || task.settled(variant, &scene, seed, "").expect("a target");
+        let (one, own) = settled();
+        let plain = sample(&one, &own, &scene, seed, Some(&floor)).scene;
+        let sampled = |is_open: &dyn Fn(&str, &str) -> bool| {
+            sample_reached(&task, settled(), is_open, &scene, seed, Some(&floor))
+        };
+        let ((_, variant), found) = sampled(&|_, _| true);
+        assert!(found.scene.is_complete(), "seed {seed}");
+        assert!(variant.name.starts_with("table_1"), "{}", variant.name);
+        if !plain.is_complete() {
+            replaced += 1;
+            // A named place is not replaced.
+            let ((_, variant), found) = sampled(&|variant, _| variant == own.name);
+            assert!(!found.scene.has_reach && variant.name == own.name);
+        }
+    }
+    assert!((1..8).contains(&replaced), "{replaced}");
 }
 
 /// Every task of the built-in home can be sampled by the maps.
