@@ -39,6 +39,8 @@
 #                    results in data/variety-COMMIT
 # make test-import   imports the nine example homes of Sweet Home 3D (Debian's package is
 #                    fetched once) and compares the packs with tests/data/homes.csv
+# make test-homes    makes 150 layouts of each own home, checks that they are ready, and writes
+#                    docs/results/own-homes.md; some minutes
 # make test-hashes   compares state hashes of 44 episodes with tests/data/redesign-hashes.csv, a
 #                    minute and a half on two cores
 # make docs    the documentation site in target/docs/site: guides, results, references of
@@ -86,7 +88,7 @@ export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 # Settings of another server in this shell must not affect servers that are started here.
 unexport WHEELARM_CONNECT WHEELARM_KEYS WHEELARM_SIM WHEELARM_USER
 
-.PHONY: all build static demo test test-learn lints suites contract test-cluster test-readers test-data test-original test-adversarial test-hashes test-import test-expert test-variety docs soak train-mustard train-tasks train-multiplied demo-policy bench bench-campaign test-rosbag2 dist test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean
+.PHONY: all build static demo test test-learn lints suites contract test-cluster test-readers test-data test-original test-adversarial test-hashes test-import test-expert test-variety docs soak train-mustard train-tasks train-multiplied demo-policy bench bench-campaign test-rosbag2 dist test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean test-homes
 all: build
 
 build:
@@ -181,6 +183,10 @@ test-hashes: build
 test-import:
 	$(CARGO) build --release -p wheelarm-cli --bin wheelarm
 	WHEELARM="$(BUILT)/wheelarm" tests/import.sh
+
+test-homes:
+	$(CARGO) build --release -p wheelarm-cli --bin wheelarm
+	WHEELARM="$(BUILT)/wheelarm" tests/homes.sh
 
 test-people:
 	scripts/setup.sh python numpy

@@ -1,5 +1,5 @@
-//! `wheelarm home`: imports homes of Sweet Home 3D as packs, lists the homes of packs, reports
-//! what a robot reaches in them.
+//! `wheelarm home`: imports homes of Sweet Home 3D as packs, makes own ones, lists the homes of
+//! packs, reports what a robot reaches in them.
 
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -13,6 +13,7 @@ use wheelarm_options::packs::PackArgs;
 use wheelarm_pack::{Pack, Store};
 use wheelarm_proto::installed::{self, ASSETS_VARIABLE};
 
+use crate::home_make::{self, MakeArgs};
 use crate::home_report::{self, ReportArgs, store};
 
 /// Names of pieces that are printed for one reason.
@@ -28,6 +29,11 @@ pub enum HomeCommand {
     Import(ImportArgs),
     /// Lists the homes of the packs.
     List(ListArgs),
+    /// Makes a furnished home from a plan, a style and a seed, as a pack.
+    ///
+    /// A layout is written only when it is ready: the chair enters every room, and the arm
+    /// reaches nine of ten surfaces. `--list` prints the plans and styles.
+    Make(MakeArgs),
     /// Reports what a robot reaches in a home, why not the rest, and what to move.
     ///
     /// Rooms that the chair enters, clear widths of doors, surfaces within the arm's reach,
@@ -112,6 +118,7 @@ pub fn run(command: &HomeCommand) -> anyhow::Result<String> {
     match command {
         HomeCommand::Import(args) => import(args),
         HomeCommand::List(args) => list(&store(&args.packs)),
+        HomeCommand::Make(args) => home_make::run(args),
         HomeCommand::Report(args) => home_report::run(args),
     }
 }

@@ -11,6 +11,7 @@ pub mod demo;
 pub mod doctor;
 pub mod drive;
 pub mod home;
+pub mod home_make;
 pub mod home_report;
 pub mod new;
 pub mod operate;

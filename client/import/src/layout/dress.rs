@@ -48,7 +48,10 @@ pub fn small_objects(
         chosen.push(first);
     }
     let most = match piece.kind.as_str() {
-        "nightstand" | "side_table" | "washing_machine" | "basin" => 1,
+        // Tasks put objects beside these.
+        "nightstand" | "side_table" => 0,
+        "coffee_table" if has_first => 0,
+        "washing_machine" | "basin" | "console" | "shoe_cabinet" => 1,
         "table" | "round_table" | "coffee_table" | "tv_board" => 1,
         "cabinet" | "drawers" | "dishwasher" if random.happens(0.4) => 0,
         "cabinet" | "drawers" | "dishwasher" => 1,
@@ -75,6 +78,7 @@ pub fn small_objects(
                 "television" => f64::midpoint(y[0], y[1]),
                 "monitor" => random.number([-0.1, 0.1]).clamp(ends[0], ends[1]),
                 "pot" => [-0.13, 0.13][random.index(2)],
+                _ if piece.kind == "coffee_table" => ends[random.index(2)],
                 _ if is_free_standing => 0.6 * random.number(ends),
                 _ if random.happens(0.7) => ends[random.index(2)],
                 _ => random.number(ends),

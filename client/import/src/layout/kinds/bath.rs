@@ -72,6 +72,8 @@ pub fn basin(m: &mut Model, [depth, width, height]: [f64; 3], design: Design) {
 
 pub fn toilet(m: &mut Model, [depth, width, height]: [f64; 3]) {
     let (back, front) = (-depth / 2.0, depth / 2.0);
+    // A grab bar on either side, within the width.
+    let (rail, width) = (width / 2.0 - 0.03, 0.37);
     let half = width / 2.0;
     m.cushion(
         "ceramic_white",
@@ -143,56 +145,52 @@ pub fn toilet(m: &mut Model, [depth, width, height]: [f64; 3]) {
         about(0.0, width),
         [height, height + 0.38],
     ]);
-    // A grab bar for transfers.
     m.bar(
         "chrome",
-        [back + 0.32, half + 0.16, height + 0.28],
+        [back + 0.32, rail, height + 0.28],
         0,
         [0.016, 0.60],
     );
     m.bar(
         "chrome",
-        [back + 0.32, -half - 0.16, height + 0.28],
+        [back + 0.32, -rail, height + 0.28],
         0,
         [0.016, 0.60],
     );
 }
 
-/// A level shower: the chair drives in. One side has a pane of glass.
+/// A level shower: the chair drives in. A drawn curtain hangs at one side.
 pub fn shower(m: &mut Model, [depth, width, height]: [f64; 3]) {
     let (x, y) = (about(0.0, depth), about(0.0, width));
     m.shown("shower_floor", [x, y, [0.0, 0.004]]);
-    m.shown(
-        "chrome",
-        [about(0.0, 0.12), about(0.0, 0.12), [0.004, 0.006]],
-    );
-    m.block("glass", [[x[0], x[1]], [y[1] - 0.010, y[1]], [0.02, 1.95]]);
-    m.shown("chrome", [x, [y[1] - 0.014, y[1] + 0.004], [1.95, 1.975]]);
-    m.shown("chrome", [x, [y[1] - 0.014, y[1] + 0.004], [0.0, 0.02]]);
+    let drain = about(0.0, 0.12);
+    m.shown("chrome", [drain, drain, [0.004, 0.006]]);
+    // The rail around the shower, and the folds of the curtain at the wall.
+    let top = 2.0;
+    m.bar("chrome", [0.0, y[1] - 0.02, top], 0, [0.010, depth]);
+    m.bar("chrome", [x[1] - 0.02, 0.0, top], 1, [0.010, width]);
+    for index in 0..6 {
+        let at = x[0] + 0.05 + 0.05 * f64::from(index);
+        let off = if index % 2 == 0 { 0.012 } else { -0.012 };
+        let fold = [about(at, 0.045), about(y[1] - 0.02 + off, 0.012)];
+        m.shown("bedding_fold", [fold[0], fold[1], [0.06, top]]);
+    }
+    m.solid([[x[0], x[0] + 0.34], [y[1] - 0.04, y[1]], [0.06, top]]);
+    // Rail, hand shower, head and tap at the wall.
+    let shower = [x[0] + 0.05, y[0] + 0.30];
+    m.rod("chrome", [shower[0], shower[1], 0.95], 0.010, height - 0.95);
+    let middle = [x[0] + 0.17, shower[1], height - 0.02];
+    m.bar("chrome", middle, 0, [0.010, 0.26]);
     m.rod(
         "chrome",
-        [x[0] + 0.05, y[0] + 0.30, 0.95],
-        0.010,
-        height - 0.95,
-    );
-    m.bar(
-        "chrome",
-        [x[0] + 0.17, y[0] + 0.30, height - 0.02],
-        0,
-        [0.010, 0.26],
-    );
-    m.rod(
-        "chrome",
-        [x[0] + 0.30, y[0] + 0.30, height - 0.05],
+        [x[0] + 0.30, shower[1], height - 0.05],
         0.10,
         0.018,
     );
-    m.bar("chrome", [x[0] + 0.05, y[0] + 0.30, 1.08], 1, [0.026, 0.26]);
+    m.bar("chrome", [shower[0], shower[1], 1.08], 1, [0.026, 0.26]);
     // A folded seat.
-    m.shown(
-        "plastic_white",
-        [[x[0], x[0] + 0.05], about(y[0] + 0.62, 0.36), [0.48, 0.90]],
-    );
+    let seat = [[x[0], x[0] + 0.05], about(y[0] + 0.62, 0.36), [0.48, 0.90]];
+    m.shown("plastic_white", seat);
     m.solid([[x[0], x[0] + 0.08], about(0.0, width), [0.48, 1.95]]);
 }
 

@@ -38,7 +38,7 @@ pub fn model(
         "tall_cabinet" => kitchen::tall_cabinet(m, size, design),
         "table" => tables::table(m, size, design),
         "round_table" => tables::round_table(m, size, design),
-        "desk" => tables::desk(m, size, design),
+        "desk" => tables::work_table(m, size, design),
         "coffee_table" => tables::coffee_table(m, size, design),
         "side_table" => tables::side_table(m, size, design),
         "console" => tables::console(m, size, design),

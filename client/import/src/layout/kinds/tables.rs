@@ -52,7 +52,7 @@ pub fn console(m: &mut Model, size: [f64; 3], design: Design) {
     on_legs(m, size, design, ["wood", "wood_dark"], 0.03);
 }
 
-pub fn desk(m: &mut Model, size: [f64; 3], design: Design) {
+pub fn work_table(m: &mut Model, size: [f64; 3], design: Design) {
     on_legs(m, size, design, ["wood", "metal_dark"], 0.03);
     // A board at the back, above the knees.
     let [depth, width, height] = size;
