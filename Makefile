@@ -236,7 +236,7 @@ test-variety:
 	"$(WHEELARM_PYTHON)" tests/bench/variety.py --programs "$(BUILT)" --out "data/variety-$(WHEELARM_COMMIT)/human" --style human --episodes 6 --tasks pick_mustard,pick_bowl,pick_tomato_soup,open_drawer --first $(EXPERT_SEED) --jobs "$$(nproc)"
 
 docs: build
-	scripts/setup.sh python numpy grpcio-tools:grpc_tools eclipse-zenoh==1.10.2:zenoh protobuf:google.protobuf gymnasium nbconvert ipykernel matplotlib
+	scripts/setup.sh python numpy grpcio-tools:grpc_tools eclipse-zenoh==1.10.2:zenoh protobuf:google.protobuf gymnasium h5py nbconvert ipykernel matplotlib
 	$(CARGO) doc --release --no-deps -p wheelarm-sdk -p wheelarm-proto -p wheelarm-policy
 	"$(WHEELARM_PYTHON)" scripts/docs/build.py --programs "$(BUILT)" --rustdoc "$(or $(CARGO_TARGET_DIR),target)/doc" --out "$(or $(CARGO_TARGET_DIR),target)/docs"
 

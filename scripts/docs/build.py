@@ -165,6 +165,8 @@ def main() -> None:
     if not args.no_notebooks:
         package = str(ROOT / "client/python/src")
         os.environ["PYTHONPATH"] = package + os.pathsep + os.environ.get("PYTHONPATH", "")
+        os.environ["PATH"] = f"{args.programs.resolve()}{os.pathsep}{os.environ['PATH']}"
+        os.environ.setdefault("WHEELARM_ASSETS", str(ROOT / "assets"))
         os.environ.setdefault("WHEELARM_SERVER", str(args.programs.resolve() / "wheelarm-server"))
         for name in tracked(".ipynb"):
             pages.append(notebook.write(ROOT / name, source / "notebooks"))
