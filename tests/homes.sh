@@ -16,6 +16,7 @@ done | xargs -P "$jobs" -I PLAN sh -c \
     "'$wheelarm' home make PLAN --style all --layout-seeds '$seeds' --check --assets assets --out '$results' > '$results/PLAN.txt'"
 python3 - "$results" "$seeds" <<'PYTHON'
 import pathlib
+import re
 import sys
 
 folder, seeds = pathlib.Path(sys.argv[1]), sys.argv[2]
@@ -24,13 +25,13 @@ for path in sorted(folder.glob("*.txt")):
     plan, *numbers, why = path.read_text().splitlines()[-1].split(",")
     numbers = [int(number) for number in numbers]
     total = [a + b for a, b in zip(total, numbers)]
-    rows.append((plan, numbers, why))
+    rows.append((plan, numbers, re.sub(r" (\d)", r", \1", why.replace("_", " "))))
     assert numbers[2] >= 100, f"{plan}: {numbers[2]} distinct layouts that are ready, at least 100 are needed"
 rows.append(("all", total, ""))
 lines = ["| plan | seeds | ready | distinct | surfaces reached | rejected |", "|---|---|---|---|---|---|"]
 for plan, (tried, ready, distinct, reached, surfaces), why in rows:
     share = f"{ready} ({100 * ready / tried:.0f} %)"
-    lines.append(f"| {plan} | {tried} | {share} | {distinct} | {reached} of {surfaces} ({100 * reached / max(1, surfaces):.1f} %) | {why.replace('_', ' ')} |")
+    lines.append(f"| {plan} | {tried} | {share} | {distinct} | {reached} of {surfaces} ({100 * reached / max(1, surfaces):.1f} %) | {why} |")
 document = pathlib.Path("docs/results/own-homes.md")
 text = document.read_text()
 first, last = "<!-- figures -->\n", "<!-- end of figures -->"
