@@ -324,7 +324,7 @@ mod tests {
         let mut check = changing(&HOME, &TRAVEL, MOUNT);
         let is_free = |check: &FootprintCheck| check.is_free(&pose(0.0, 0.0), 0.0);
         let post = |x: f64, y: f64| wall([x, x + 0.01], [y, y + 0.01]);
-        // Low things, the other side, and what is further away than the arm is long.
+        // Low obstacles, the other side, and what is further away than the arm is long.
         for (at, heights) in [
             (post(0.4, 0.8), [0.0, 0.9]),
             (post(0.4, -0.4), [0.0, 2.0]),

@@ -267,7 +267,7 @@ mod tests {
         }
     }
 
-    /// The chair stands still for it, and keeps `CHANGE_CLEARANCE`.
+    /// The chair is at rest for it, and keeps `CHANGE_CLEARANCE`.
     #[test]
     fn arm_stays_within_the_footprint_of_a_change_of_posture() {
         let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");

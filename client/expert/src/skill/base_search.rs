@@ -253,24 +253,6 @@ pub(crate) fn find_with(
     ))
 }
 
-/// Free base placements, the best first, whether or not the arm reaches from them and the chair
-/// gets there.
-pub(super) fn free_stops(now: &Now<'_>, purpose: Purpose) -> Vec<Pose2> {
-    let chair = now.observation.chair();
-    let distance = now.profile.grasp.distance;
-    let mut routes = (now.scene).route_planner(now.poses, chair, STOP_CLEARANCE);
-    let room = routes.map(STOP_CLEARANCE);
-    let stops = MARGINS.into_iter().map(|margin| {
-        let candidates = candidates(now, purpose, margin);
-        let all = base_placement::placements(now.scene, &chair, &candidates, None, distance);
-        let poses = all.into_iter().map(|placement| placement.chair);
-        let free = poses.filter(|pose| room.is_free(pose));
-        free.take(20 * PLACES).collect::<Vec<_>>()
-    });
-    let mut stops = stops.filter(|stops| !stops.is_empty());
-    stops.next().unwrap_or_default()
-}
-
 /// Obstacles of the chair after the goal's slide is open; `None` for other goals.
 fn opened(now: &Now<'_>) -> Option<FootprintCheck> {
     let Goal::Open { slide, .. } = now.goal else {

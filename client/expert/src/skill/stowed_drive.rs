@@ -2,18 +2,17 @@
 //! places where it has room to change its posture. The chair drives to such a place, changes,
 //! and plans again.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::Now;
-use super::base_search::{ARCS, Purpose, find, find_with, free_stops};
+use super::base_search::{ARCS, Purpose, find, find_with};
 use crate::base_placement;
 use crate::drive::Drive;
 use crate::grasp_candidate::GraspCandidate;
 use crate::observation::Observation;
 use crate::profile::OperatorProfile;
 use crate::scene::SceneModel;
-use wheelarm_planning::arm_access::ARRIVAL;
 use wheelarm_planning::floor_map::{FloorMap, STOWED_CLEARANCE};
 use wheelarm_planning::footprint_check::{FootprintCheck, Pose2};
 use wheelarm_planning::hybrid_a_star::DriveGoal;
@@ -75,8 +74,8 @@ impl Floor {
         })
     }
 
-    /// Whether the arm has room to change where the chair stands: it arrives with a small error,
-    /// for which the places have their clearance.
+    /// Whether the arm has room to change at the pose of the chair, which has a small error,
+    /// for which places have their clearance.
     fn is_room_at(&self, chair: &Pose2) -> bool {
         self.check.is_free(chair, 0.0)
     }
@@ -200,16 +199,9 @@ fn beyond(now: &mut Now<'_>, floor: &Floor, purpose: Purpose) -> Option<Drive> {
     let reach = floor.floor.from_start(&chair, Posture::Home);
     let own = floor.part(Posture::Home, &chair);
     let object = now.object().translation;
-    let stops = free_stops(now, purpose);
-    let before = stops
-        .iter()
-        .flat_map(|stop| [*stop, stop.rolled(-ARRIVAL, 0.0)]);
-    let of_stops = before.filter_map(|pose| floor.part(Posture::Home, &pose));
-    let of_stops: BTreeSet<u16> = of_stops.collect();
     let is_beyond = |pose: &Pose2| {
         let part = floor.part(Posture::Home, pose);
         part != own
-            && part.is_some_and(|part| of_stops.contains(&part))
             && reach.home.contains(pose)
             && reach
                 .travel

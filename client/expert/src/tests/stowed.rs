@@ -175,25 +175,6 @@ fn arm_stays_stowed_from_a_start_where_it_has_no_room() {
     assert!(world.furthest > 0.97);
 }
 
-/// Before the table is a lane between high shelves, in which the arm has no room to return home.
-#[test]
-fn arm_returns_home_where_it_has_room_and_not_at_a_narrow_stop() {
-    let mut world = DoorWorld::new(BEFORE_THE_DOOR, [0.0; 6]);
-    for y in [1.70, 3.10] {
-        let shelf = obb([-8.1, y, 1.3], [0.6, 0.05, 1.3]);
-        world.world.scene.furniture.push(shelf);
-    }
-    let (outcome, notes) = world.run();
-    assert_eq!(outcome, Outcome::Success, "{notes:?}");
-    let drives = notes.iter().filter(|note| note.starts_with("drives"));
-    let drives: Vec<&String> = drives.collect();
-    assert!(
-        drives[0].ends_with("with the arm stowed, where it returns home"),
-        "{notes:?}"
-    );
-    assert!(!drives[1].contains("stowed"), "{notes:?}");
-}
-
 /// Shelves around the chair: the arm at home has no room to be stowed there.
 #[test]
 fn arm_is_stowed_where_it_has_room() {
