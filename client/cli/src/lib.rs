@@ -12,6 +12,7 @@ pub mod doctor;
 pub mod drive;
 pub mod home;
 pub mod home_report;
+pub mod object;
 pub mod operate;
 #[cfg(feature = "hdf5")]
 pub mod record;
