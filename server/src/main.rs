@@ -26,7 +26,7 @@ use wheelarm_server::scene::Scene;
 use wheelarm_server::sensors::camera::{Graphics, Renderer};
 use wheelarm_server::service::session::Reach;
 use wheelarm_server::service::{self, OpenAhead, Options, packs, startup};
-use wheelarm_server::sim::{Scenario, ScenePack, SimError, Simulation};
+use wheelarm_server::sim::{Scenario, SimError, Simulation, load_scene};
 use wheelarm_server::tasks::{self, Floor, SamplingRules, TaskSpec, table};
 
 /// Headless simulation of a wheelchair with a robotic arm in a home.
@@ -102,6 +102,9 @@ struct Args {
         value_delimiter = ':'
     )]
     packs: Vec<PathBuf>,
+    /// Packs whose objects the tasks of every home may place, separated by commas.
+    #[arg(long, value_name = "PACKS", value_delimiter = ',')]
+    objects: Vec<String>,
     /// Camera as NAME=WIDTHxHEIGHT@HZ: one of the robot's, `*` for each robot camera
     /// that is not named, or `room`. May be repeated [default: `*=1280x720@10`].
     #[arg(long, value_parser = v1::CameraSetting::from_text, conflicts_with = "no_cameras")]
@@ -212,10 +215,9 @@ fn scene_of(assets: &Path, packs: &PackStore, request: &v1::Scenario) -> anyhow:
 }
 
 fn scene(assets: &Path, scenario: &Scenario) -> anyhow::Result<Scene> {
-    Ok(match &scenario.pack {
-        ScenePack::Open(pack) => Scene::from_pack(assets, pack)?,
-        ScenePack::Search | ScenePack::Exactly(_) => Scene::load(assets, &scenario.scene)?,
-    })
+    let objects = &scenario.object_packs;
+    let scene = load_scene(assets, &scenario.scene, &scenario.pack, objects)?;
+    Ok(scene)
 }
 
 /// Prints the samples of a task.
@@ -359,6 +361,7 @@ impl Args {
             calibration_seed,
             appearance,
             person,
+            objects,
             // Options of the program.
             sim: _,
             listen: _,
@@ -391,6 +394,10 @@ impl Args {
         if let Some(starts) = starts {
             request.set_starts(starts.code());
         }
+        request.packs.extend(objects.iter().map(|name| v1::PackRef {
+            name: name.clone(),
+            ..v1::PackRef::default()
+        }));
         request.robot = robot.clone().unwrap_or(request.robot);
         request.state_rate_hz = state_rate_hz.or(request.state_rate_hz);
         request.deformable_rate_hz = deformable_rate_hz.or(request.deformable_rate_hz);

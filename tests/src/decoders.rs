@@ -7,6 +7,7 @@ use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use wheelarm_dataset::{columns, log};
+use wheelarm_import::object::{self, Categories, Hand, ObjectOptions};
 use wheelarm_pack::Pack;
 use wheelarm_planning::reach_map::ReachMap;
 use wheelarm_policy::{ChunkExecutor, ExecutorOptions, Player};
@@ -215,6 +216,34 @@ pub fn home(bytes: &[u8]) {
     };
     let _ = wheelarm_import::import("home.sh3d", bytes.to_vec(), &options);
     let _ = wheelarm_import::sh3d::parse("home.sh3d", bytes);
+}
+
+/// A mesh of an object, in each format that is imported.
+pub fn object_mesh(bytes: &[u8]) {
+    for name in ["mesh.glb", "mesh.obj", "mesh.stl", "mesh.dae"] {
+        let _ = object::parse(name, bytes, &|_| Err("no other file".to_owned()));
+    }
+}
+
+/// The same, imported as an object.
+pub fn object(bytes: &[u8]) {
+    static SHARED: OnceLock<(Categories, Hand)> = OnceLock::new();
+    let (categories, hand) = SHARED.get_or_init(|| {
+        let assets = root().join("assets");
+        let categories = Categories::read(&assets).expect("the categories of this repository");
+        let hand = Hand::read(&assets, "wheelarm").expect("its gripper");
+        (categories, hand)
+    });
+    let options = ObjectOptions {
+        name: "object".to_owned(),
+        category: "tool".to_owned(),
+        ..ObjectOptions::default()
+    };
+    for name in ["mesh.obj", "mesh.stl"] {
+        if let Ok(found) = object::import_bytes(name, bytes, &options, categories, hand) {
+            object::with_object(None, "objects", &found.object).expect("a pack");
+        }
+    }
 }
 
 /// The reach map of a robot.

@@ -14,6 +14,7 @@ pub mod home;
 pub mod home_make;
 pub mod home_report;
 pub mod new;
+pub mod object;
 pub mod operate;
 #[cfg(feature = "hdf5")]
 pub mod record;

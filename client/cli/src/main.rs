@@ -30,6 +30,7 @@ use wheelarm_cli::doctor::{self, DoctorArgs};
 use wheelarm_cli::drive::{self, DriveArgs};
 use wheelarm_cli::home::{self, HomeCommand};
 use wheelarm_cli::new::{self, NewArgs};
+use wheelarm_cli::object::{self, ObjectCommand};
 use wheelarm_cli::operate::{self, OperateArgs};
 #[cfg(feature = "hdf5")]
 use wheelarm_cli::record::{self, RecordArgs};
@@ -163,6 +164,12 @@ enum Command {
     /// and drawers on joints, a start for the chair. Servers find it with --packs.
     #[command(subcommand, after_long_help = manual::HOME)]
     Home(HomeCommand),
+    /// Imports meshes as objects of packs, and checks that the scripted operator lifts them.
+    ///
+    /// An import writes collision shapes, mass and grasps beside the mesh. Tasks place the
+    /// objects of a pack with --objects PACK.
+    #[command(subcommand, after_long_help = manual::OBJECT)]
+    Object(ObjectCommand),
     /// Checks, lists, sends and extracts world packs: homes and kinds of furniture and objects.
     ///
     /// A server finds packs in its folders (--packs, WHEELARM_PACKS); the name of a pack with a
@@ -265,6 +272,7 @@ impl Command {
             Self::Cache(_)
                 | Self::Home(_)
                 | Self::New(_)
+                | Self::Object(_)
                 | Self::Keys(_)
                 | Self::Users(_)
                 | Self::Router(_)
@@ -415,6 +423,7 @@ fn run(cli: Cli, connect: Connect) -> anyhow::Result<ExitCode> {
         Command::Cache(args) => print!("{}", cache::run(args)?),
         Command::Home(command) => print!("{}", home::run(command)?),
         Command::New(args) => print!("{}", new::run(args)?),
+        Command::Object(command) => print!("{}", object::run(command)?),
         Command::Pack(command) => print!("{}", world_pack::run(command, client)?),
         Command::Keys(command) => accounts::keys(keys, command)?,
         Command::Users(command) => accounts::users(keys, command)?,

@@ -21,6 +21,7 @@ pub mod pace;
 pub mod profile;
 pub mod run;
 pub mod scene;
+pub mod shake;
 pub mod skill;
 pub mod tool_path;
 

@@ -17,6 +17,7 @@ use super::observation::{self, Collector};
 use super::operator::{Operator, Outcome, Trouble};
 use super::profile::OperatorProfile;
 use super::scene::SceneModel;
+use super::shake;
 use wheelarm_sdk::{Client, ClientError, Turn, Turns};
 
 /// Options of [`run`].
@@ -43,6 +44,8 @@ pub struct OperateOptions {
     /// Demonstrations for the grasp ([`Operator::shown`]); empty for the operator's own
     /// plan.
     pub shown: Demonstrations,
+    /// Shakes the object after the task, which fails when it slips ([`shake`]).
+    pub shakes: bool,
 }
 
 impl Default for OperateOptions {
@@ -58,6 +61,7 @@ impl Default for OperateOptions {
             forced: None,
             on_the_spot: false,
             shown: Demonstrations::default(),
+            shakes: false,
         }
     }
 }
@@ -237,7 +241,10 @@ pub fn run(
         started,
         stopped: None,
     };
-    let outcome = work.until_over(progress)?;
+    let mut outcome = work.until_over(progress)?;
+    if options.shakes && outcome == Outcome::Success {
+        outcome = work.shake(progress)?;
+    }
     work.finish(outcome, is_ours)
 }
 
@@ -310,6 +317,50 @@ impl Work<'_> {
             };
             if let Some(outcome) = outcome {
                 return Ok(outcome);
+            }
+        }
+    }
+
+    /// Shakes the object in the hand; fails when it slips.
+    fn shake(&mut self, progress: &mut dyn FnMut(&Progress<'_>)) -> Result<Outcome, DriverError> {
+        let (mut tick, mut silent, mut held) = (0, 0, None);
+        loop {
+            let collector = &mut self.collector;
+            let clock = match self.turns.next(PATIENCE, &mut |s| collector.take(s))? {
+                Turn::Answer(clock) => clock,
+                Turn::Refused(_) => continue,
+                Turn::Ended(end) => match self.ended(end)? {
+                    Some(outcome) => return Ok(outcome),
+                    None => continue,
+                },
+                Turn::Silent(status) => {
+                    silent += 1;
+                    match self.silent(silent, &status)? {
+                        Some(outcome) => return Ok(outcome),
+                        None => continue,
+                    }
+                }
+            };
+            silent = 0;
+            let stamp = clock.header.as_ref().map_or(0, |h| h.stamp_nanos);
+            let command = shake::command(tick).unwrap_or_default();
+            self.turns.answer(command)?;
+            let Some(observation) = self.collector.observe(stamp)? else {
+                continue;
+            };
+            let at = self.operator.object_in_hand(&observation);
+            let at = at.translation.vector;
+            let start = *held.get_or_insert(at);
+            progress(&Progress {
+                time: stamp.saturating_sub(self.first.stamp_nanos) as f64 * 1e-9,
+                phase: "shaking",
+                factor: clock.real_time_factor,
+                notes: &[],
+            });
+            tick += 1;
+            if shake::command(tick).is_none() {
+                let slipped = shake::verdict((at - start).norm());
+                return Ok(slipped.map_or(Outcome::Success, Outcome::Failure));
             }
         }
     }

@@ -1,5 +1,6 @@
-//! Imports homes of Sweet Home 3D (`.sh3d`) as world packs, and reports what a robot reaches
-//! in a home ([`home_report`]), and adds the places of tasks ([`home_places`]).
+//! Imports homes of Sweet Home 3D (`.sh3d`) and meshes of objects ([`object`]) as world packs,
+//! reports what a robot reaches in a home ([`home_report`]), and adds the places of tasks
+//! ([`home_places`]).
 //!
 //! ```text
 //! archive ─► sh3d (Home.xml) ─► plan: level, walls, openings ─► rooms
@@ -24,6 +25,7 @@ pub mod home_report;
 mod joints;
 pub mod layout;
 mod model;
+pub mod object;
 mod paint;
 mod place;
 mod plan;

@@ -9,7 +9,7 @@ use crate::polygon;
 use crate::sh3d::{Rgb, default_colour, transparency};
 
 /// Largest number of triangles of a model.
-const MOST_TRIANGLES: usize = 500_000;
+pub(crate) const MOST_TRIANGLES: usize = 500_000;
 /// Largest number of materials or groups of a model.
 const MOST_NAMES: usize = 4_096;
 /// Largest absolute coordinate of a model.
@@ -120,7 +120,7 @@ fn beside(path: &str, name: &str) -> String {
 }
 
 /// The arguments of all statements of this name.
-fn statements<'a>(text: &'a str, name: &'a str) -> impl Iterator<Item = &'a str> {
+pub(crate) fn statements<'a>(text: &'a str, name: &'a str) -> impl Iterator<Item = &'a str> {
     text.lines().filter_map(move |line| {
         let rest = line.trim_start().strip_prefix(name)?;
         rest.starts_with([' ', '\t']).then(|| rest.trim())
@@ -128,7 +128,7 @@ fn statements<'a>(text: &'a str, name: &'a str) -> impl Iterator<Item = &'a str>
 }
 
 /// Materials of an MTL file. Values that are not numbers are passed over.
-fn materials(text: &str, path: &str) -> Vec<ModelMaterial> {
+pub(crate) fn materials(text: &str, path: &str) -> Vec<ModelMaterial> {
     let mut all: Vec<ModelMaterial> = Vec::new();
     for line in text.lines() {
         let line = line.trim();

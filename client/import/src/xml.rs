@@ -18,6 +18,8 @@ pub struct Element {
     pub attributes: Vec<(String, String)>,
     /// Elements inside it.
     pub children: Vec<Element>,
+    /// Its text, without references.
+    pub text: String,
 }
 
 impl Element {
@@ -31,6 +33,12 @@ impl Element {
     /// The children of this name.
     pub fn all<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a Element> {
         self.children.iter().filter(move |child| child.name == name)
+    }
+
+    /// The first child of this name.
+    #[must_use]
+    pub fn child(&self, name: &str) -> Option<&Element> {
+        self.children.iter().find(|child| child.name == name)
     }
 }
 
@@ -60,6 +68,12 @@ pub fn parse(bytes: &[u8]) -> Result<Element, String> {
                 Some(element(&start).map_err(|why| format!("at byte {place}: {why}"))?)
             }
             Event::End(_) => open.pop(),
+            Event::Text(text) => {
+                if let Some(last) = open.last_mut() {
+                    last.text.push_str(text.as_ref());
+                }
+                None
+            }
             Event::DocType(_) => return Err("it has a document type, which is not read".into()),
             Event::Eof => break,
             _ => None,

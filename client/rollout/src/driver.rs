@@ -46,6 +46,9 @@ pub struct Expert {
     pub profile_seed: Option<u64>,
     /// The error that it makes on purpose and corrects.
     pub forced: Option<ForcedError>,
+    /// Shakes the object after the task, which fails when it slips.
+    #[serde(default)]
+    pub shakes: bool,
 }
 
 /// Demonstrations for one episode.
@@ -140,6 +143,7 @@ impl EpisodeClient<'_> {
             require_recorders: self.session.recorders,
             forced: expert.forced,
             profile_seed: expert.profile_seed,
+            shakes: expert.shakes,
             shown,
             ..OperateOptions::default()
         };

@@ -145,6 +145,7 @@ mod tests {
             expert: Expert {
                 profile_seed: Some(7),
                 forced: Some(ForcedError::Drop),
+                shakes: true,
             },
             demonstrations: None,
         }));

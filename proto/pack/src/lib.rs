@@ -48,7 +48,7 @@ pub use tables::home::{HomeFile, OpeningEntry, OpeningKind, PieceEntry, RoomEntr
 pub use tables::kind::{JointEntry, KindFile};
 pub use tables::manifest::{FORMAT, Manifest, SourceEntry, UNKNOWN};
 pub use tables::material::{Family, MaterialEntry, MaterialFile, TextureEntry};
-pub use tables::object::{GraspEntry, LobeEntry, ObjectFile, SoftEntry};
+pub use tables::object::{GraspEntry, LobeEntry, ObjectFile, SoftEntry, StockEntry, TrialsEntry};
 pub use tables::part::{
     CupEntry, FrustumEntry, MeshEntry, MeshScale, PartEntry, PrismEntry, RoundEntry,
     RoundedBoxEntry, SphereEntry,

@@ -63,6 +63,7 @@ impl Scene {
             room_camera: room_camera(&place.key("room_camera"), &file.room_camera)?,
             files: Vec::new(),
             pack: pack.cloned(),
+            object_packs: Vec::new(),
         };
         let mut entries: BTreeMap<&str, &FurnitureEntry> = BTreeMap::new();
         for entry in &file.furniture {

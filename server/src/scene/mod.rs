@@ -60,6 +60,8 @@ pub struct Scene {
     pub files: Vec<String>,
     /// Its world pack; `None` for a scene of the assets.
     pub pack: Option<Arc<Pack>>,
+    /// Further packs, whose objects are part of the stock of tasks.
+    pub object_packs: Vec<Arc<Pack>>,
 }
 
 /// A body of the scene.

@@ -31,10 +31,15 @@ impl Scene {
         room.map(kind_of_room).unwrap_or_default()
     }
 
-    /// Texts for readers of recordings that need no shapes: the scene as a scene file without
-    /// parts, and the objects of the pack. Empty for a scene of the assets.
+    /// Texts for readers of recordings that need no shapes: the scene of a pack as a scene file
+    /// without parts, the objects of that pack, and those of the object packs.
     #[must_use]
     pub fn packed_texts(&self) -> Vec<AssetText> {
+        let objects = self.object_packs.iter().flat_map(|pack| object_texts(pack));
+        self.scene_texts().into_iter().chain(objects).collect()
+    }
+
+    fn scene_texts(&self) -> Vec<AssetText> {
         let Some((pack, Ok(file))) = self.pack.as_ref().map(|pack| (pack, scene_file(pack))) else {
             return Vec::new();
         };
@@ -46,13 +51,17 @@ impl Scene {
             path: format!("scenes/{}.toml", self.name),
             text,
         });
-        let objects = pack.names("objects", "toml").filter_map(|name| {
-            let path = format!("objects/{name}.toml");
-            let text = String::from_utf8_lossy(pack.file(&path)?).into_owned();
-            Some(AssetText { path, text })
-        });
-        scene.into_iter().chain(objects).collect()
+        scene.into_iter().chain(object_texts(pack)).collect()
     }
+}
+
+/// The object files of a pack.
+fn object_texts(pack: &Pack) -> impl Iterator<Item = AssetText> {
+    pack.names("objects", "toml").filter_map(|name| {
+        let path = format!("objects/{name}.toml");
+        let text = String::from_utf8_lossy(pack.file(&path)?).into_owned();
+        Some(AssetText { path, text })
+    })
 }
 
 /// The home of a pack as a scene file.

@@ -1,9 +1,13 @@
 //! Places of a scene: strips of surfaces that the robot reaches. Tasks without an area sample
 //! from them.
 
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::path::Path;
+use std::sync::Arc;
 
 use nalgebra::{Isometry3, Vector3};
+use wheelarm_pack::Pack;
 
 use super::error::{Place, SceneError};
 use super::file::PlaceEntry;
@@ -124,6 +128,11 @@ impl Scene {
         (middle, half)
     }
 
+    /// Packs whose objects may be part of the stock: that of the scene, and the object packs.
+    pub(crate) fn stocked_packs(&self) -> impl Iterator<Item = &Arc<Pack>> {
+        self.pack.iter().chain(&self.object_packs)
+    }
+
     /// Reads the places of the scene's file.
     pub(super) fn add_places(
         &mut self,
@@ -197,8 +206,8 @@ impl Scene {
         }
     }
 
-    /// Adds objects of the assets by their kinds, each optional and named like its kind.
-    /// Objects that the scene has already stay.
+    /// Adds objects of the assets and of packs by their kinds, each optional and named like its
+    /// kind. Objects that the scene has already stay.
     ///
     /// # Errors
     /// When a file is missing or a value is invalid.
@@ -207,26 +216,46 @@ impl Scene {
         assets: &Path,
         kinds: impl Iterator<Item = &'a str>,
     ) -> Result<(), SceneError> {
-        let pack = self.pack.clone();
-        let materials = material::library(assets, pack.as_ref())?;
-        let reader = Reader {
-            assets,
-            pack: pack.as_ref(),
-            materials: &materials,
-        };
+        let packs: Vec<Arc<Pack>> = self.stocked_packs().cloned().collect();
         let known = names(assets, "objects")?;
+        let of_scene = material::library(assets, self.pack.as_ref())?;
+        let mut libraries = BTreeMap::new();
         for kind in kinds {
             let is_taken =
                 self.object_named(kind).is_some() || self.furniture_named(kind).is_some();
-            if is_taken || !known.iter().any(|known| known == kind) {
+            if is_taken {
                 continue;
             }
+            let path = format!("objects/{kind}.toml");
+            let is_of_assets = known.iter().any(|known| known == kind);
+            // Only the pack of the scene replaces an object of the assets.
+            let owner = packs.iter().position(|pack| {
+                let is_own = self.pack.as_ref() == Some(pack);
+                pack.file(&path).is_some() && (is_own || !is_of_assets)
+            });
+            let (pack, materials) = match owner {
+                Some(index) => {
+                    if let Entry::Vacant(vacant) = libraries.entry(index) {
+                        vacant.insert(material::library(assets, Some(&packs[index]))?);
+                    }
+                    (Some(&packs[index]), &libraries[&index])
+                }
+                None if is_of_assets => (self.pack.as_ref(), &of_scene),
+                None => continue,
+            };
+            let reader = Reader {
+                assets,
+                pack,
+                materials,
+            };
             let body = object::read(&reader, kind)?;
             self.objects.push(Body {
                 optional: true,
                 ..body
             });
-            self.files.push(format!("objects/{kind}.toml"));
+            if owner.is_none() {
+                self.files.push(path);
+            }
         }
         self.files.sort();
         self.files.dedup();

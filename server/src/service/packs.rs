@@ -10,40 +10,61 @@ use wheelarm_proto::v1::FailureCode;
 use wheelarm_proto::{Message, v1};
 
 use super::denied::Denied;
-use crate::sim::{PackRequest, Scenario, ScenePack};
+use crate::sim::{ObjectPack, PackRequest, Scenario, ScenePack};
 
 /// Largest number of packs in the folders of a server that receives packs.
 const MOST_STORED: usize = 256;
 /// Largest total size of the zip files in these folders, bytes.
 const MOST_STORED_BYTES: u64 = 4 << 30;
 
-/// Opens the pack of a scenario's scene, unless the scene is one of the assets or its pack is
-/// open.
+/// Opens the packs of a scenario: that of its scene, unless the scene is one of the assets, and
+/// those of its objects.
 ///
 /// # Errors
 /// When no pack has the name, or the requested digests, or when it is invalid; with the fix.
 pub fn attach(assets: &Path, packs: &PackStore, scenario: &mut Scenario) -> Result<(), String> {
+    attach_scene(assets, packs, scenario)?;
+    let mut objects = Vec::new();
+    for pack in std::mem::take(&mut scenario.object_packs) {
+        let pack = match pack {
+            ObjectPack::Open(pack) => pack,
+            ObjectPack::Requested(wanted) => Arc::new(requested(packs, &wanted)?),
+        };
+        // The home of an earlier scenario may still be named: its objects belong to it.
+        if pack.home().is_none() {
+            objects.push(ObjectPack::Open(pack));
+        }
+    }
+    scenario.object_packs = objects;
+    Ok(())
+}
+
+/// The pack of a request.
+fn requested(packs: &PackStore, wanted: &PackRequest) -> Result<Pack, String> {
+    let name = &wanted.name;
+    if let Some(pack) = packs.open_where(name, |id| wanted.fits(id)) {
+        return Ok(pack);
+    }
+    let found = packs.identities(name);
+    let found = match &found[..] {
+        [] => "no pack of that name".to_owned(),
+        found => found.join(", "),
+    };
+    Err(format!(
+        "the scenario names the pack {wanted}, and the server finds {found}; put that pack into a \
+         folder of --packs ({}), send it with `wheelarm pack put`, or leave `packs` out to use \
+         the packs of the server",
+        folders(packs)
+    ))
+}
+
+fn attach_scene(assets: &Path, packs: &PackStore, scenario: &mut Scenario) -> Result<(), String> {
     let name = scenario.scene.clone();
     let opened = match &scenario.pack {
         ScenePack::Open(_) => return Ok(()),
         ScenePack::Search if is_of_assets(assets, &name) => return Ok(()),
         ScenePack::Search => packs.open(&name).map_err(|error| error.to_string())?,
-        ScenePack::Exactly(wanted) => {
-            let fits = |id: &PackName| wanted.fits(id);
-            Some(packs.open_where(&name, fits).ok_or_else(|| {
-                let found = packs.identities(&name);
-                let found = match &found[..] {
-                    [] => "no pack of that name".to_owned(),
-                    found => found.join(", "),
-                };
-                format!(
-                    "the scenario names the pack {wanted}, and the server finds {found}; put that \
-                     pack into a folder of --packs ({}), send it with `wheelarm pack put`, or \
-                     leave `packs` out to use the packs of the server",
-                    folders(packs)
-                )
-            })?)
-        }
+        ScenePack::Exactly(wanted) => Some(requested(packs, wanted)?),
     };
     let Some(pack) = opened else {
         let known: Vec<String> = packs.names().into_iter().collect();
@@ -103,31 +124,42 @@ pub(super) fn to_proto(id: &PackName) -> v1::PackRef {
     }
 }
 
-/// The packs of a scenario as messages.
-pub(super) fn refs(pack: &ScenePack) -> Vec<v1::PackRef> {
-    match pack {
-        ScenePack::Search => Vec::new(),
-        ScenePack::Exactly(wanted) => vec![v1::PackRef {
-            name: wanted.name.clone(),
-            version: wanted.version.clone(),
-            physics_digest: wanted.physics.as_ref().map(to_hex).unwrap_or_default(),
-            rendering_digest: wanted.rendering.as_ref().map(to_hex).unwrap_or_default(),
-        }],
-        ScenePack::Open(pack) => vec![to_proto(pack.id())],
+/// A requested pack as a message.
+fn request_to_proto(wanted: &PackRequest) -> v1::PackRef {
+    v1::PackRef {
+        name: wanted.name.clone(),
+        version: wanted.version.clone(),
+        physics_digest: wanted.physics.as_ref().map(to_hex).unwrap_or_default(),
+        rendering_digest: wanted.rendering.as_ref().map(to_hex).unwrap_or_default(),
     }
 }
 
-/// The requested pack of a scenario for `scene`.
+/// The packs of a scenario as messages, that of its scene first.
+pub(super) fn refs(scene: &ScenePack, objects: &[ObjectPack]) -> Vec<v1::PackRef> {
+    let scene = match scene {
+        ScenePack::Search => None,
+        ScenePack::Exactly(wanted) => Some(request_to_proto(wanted)),
+        ScenePack::Open(pack) => Some(to_proto(pack.id())),
+    };
+    let objects = objects.iter().map(|pack| match pack {
+        ObjectPack::Requested(wanted) => request_to_proto(wanted),
+        ObjectPack::Open(pack) => to_proto(pack.id()),
+    });
+    scene.into_iter().chain(objects).collect()
+}
+
+/// The requested packs of a scenario for `scene`: that of the scene, and all others.
 ///
 /// # Errors
 /// [`Invalid`](wheelarm_proto::check::Invalid) when a digest or a name is not one.
 pub(super) fn from_proto(
     scene: &str,
     packs: &[v1::PackRef],
-) -> Result<ScenePack, wheelarm_proto::check::Invalid> {
+) -> Result<(ScenePack, Vec<ObjectPack>), wheelarm_proto::check::Invalid> {
     use wheelarm_proto::check::{self, Invalid};
     check::few("packs", packs, MOST_STORED)?;
     let mut found = ScenePack::Search;
+    let mut objects: Vec<ObjectPack> = Vec::new();
     for pack in packs {
         check::name("pack name", &pack.name)?;
         let digest = |what, text: &str| match text {
@@ -146,23 +178,33 @@ pub(super) fn from_proto(
         };
         if pack.name == scene {
             found = ScenePack::Exactly(wanted);
+        } else if !objects.iter().any(|other| other.fits(&wanted)) {
+            objects.push(ObjectPack::Requested(wanted));
         }
     }
-    Ok(found)
+    Ok((found, objects))
 }
 
 /// Zip files of the packs of a scenario, for its recorders.
 ///
 /// # Errors
 /// When a pack cannot be compressed.
-pub(super) fn files(pack: &ScenePack) -> Result<Vec<v1::PackFile>, String> {
-    let ScenePack::Open(pack) = pack else {
-        return Ok(Vec::new());
+pub(super) fn files(scenario: &Scenario) -> Result<Vec<v1::PackFile>, String> {
+    let scene = match &scenario.pack {
+        ScenePack::Open(pack) => Some(pack),
+        ScenePack::Search | ScenePack::Exactly(_) => None,
     };
-    Ok(vec![v1::PackFile {
-        pack: Some(to_proto(pack.id())),
-        zip: pack.to_zip().map_err(|error| error.to_string())?.into(),
-    }])
+    let objects = scenario.object_packs.iter().filter_map(|pack| match pack {
+        ObjectPack::Open(pack) => Some(pack),
+        ObjectPack::Requested(_) => None,
+    });
+    let file = |pack: &Arc<Pack>| {
+        Ok(v1::PackFile {
+            pack: Some(to_proto(pack.id())),
+            zip: pack.to_zip().map_err(|error| error.to_string())?.into(),
+        })
+    };
+    scene.into_iter().chain(objects).map(file).collect()
 }
 
 /// The packs that a server finds.
@@ -260,13 +302,16 @@ mod tests {
             name: "flat".into(),
             ..v1::PackRef::default()
         };
-        let any = from_proto("flat", std::slice::from_ref(&pack)).unwrap();
+        let (any, objects) = from_proto("flat", std::slice::from_ref(&pack)).unwrap();
         assert!(matches!(any, ScenePack::Exactly(wanted) if wanted.physics.is_none()));
-        let other = from_proto("home", std::slice::from_ref(&pack)).unwrap();
-        assert_eq!(other, ScenePack::Search);
+        assert!(objects.is_empty());
+        let twice = [pack.clone(), pack.clone()];
+        let (other, objects) = from_proto("home", &twice).unwrap();
+        assert_eq!((other, objects.len()), (ScenePack::Search, 1));
         pack.physics_digest = "ab".repeat(32);
-        let exact = from_proto("flat", std::slice::from_ref(&pack)).unwrap();
-        assert_eq!(refs(&exact), [pack.clone()]);
+        let (exact, _) = from_proto("flat", std::slice::from_ref(&pack)).unwrap();
+        assert_eq!(refs(&exact, &objects)[0], pack);
+        assert_eq!(refs(&exact, &objects)[1].name, "flat");
         pack.rendering_digest = "xy".into();
         assert!(from_proto("flat", &[pack]).is_err());
     }

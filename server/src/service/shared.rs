@@ -33,7 +33,7 @@ pub(super) struct Shared {
     pub(super) request_queue: RequestQueue<Request>,
     pub(super) replies: Replies,
     /// The tasks of the assets and of a pack, after the first request.
-    pub(super) tasks: Mutex<Option<(Option<PackName>, Vec<v1::TaskInfo>)>>,
+    pub(super) tasks: Mutex<Option<(Vec<PackName>, Vec<v1::TaskInfo>)>>,
     /// Newest episode and tick, for replies from other threads.
     newest: [AtomicU64; 2],
     pub(super) recorders: Mutex<Recorders>,

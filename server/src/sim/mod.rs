@@ -13,6 +13,7 @@ mod expected;
 #[cfg(test)]
 mod golden_hash;
 mod guard;
+mod packs;
 mod person_clearance;
 mod person_guard;
 mod playback;
@@ -35,10 +36,11 @@ use wheelarm_proto::PHYSICS_HZ;
 pub use disturb::{Disturbance, Disturbances, MAX_STRENGTH, PushTarget};
 pub use error::{SimError, StateError};
 pub use guard::{anomaly_words, fault_words};
+pub use packs::{ObjectPack, PackRequest, ScenePack, load_scene};
 pub use playback::{IncompatibleState, RecordedSkin, RecordedState};
 pub use scenario::{
-    ALL_CAMERAS, CameraPlace, CameraSetting, HOUSE, Lens, MAX_SIZE, Pacing, PackRequest, Quality,
-    Requested, SOFT_MASS, Scenario, ScenarioError, ScenePack, Schedules, SensorSetting, Starts,
+    ALL_CAMERAS, CameraPlace, CameraSetting, HOUSE, Lens, MAX_SIZE, Pacing, Quality, Requested,
+    SOFT_MASS, Scenario, ScenarioError, Schedules, SensorSetting, Starts,
 };
 
 use crate::people::{Motion, Person};
@@ -152,10 +154,12 @@ impl Simulation {
             false => scenario.cameras.iter().map(|c| c.name.as_str()).collect(),
         };
         let devices = models::load(assets, &scenario.sensors, &cameras, scenario.seed)?;
-        let scene = match &scenario.pack {
-            ScenePack::Open(pack) => Scene::from_pack(assets, pack)?,
-            ScenePack::Search | ScenePack::Exactly(_) => Scene::load(assets, &scenario.scene)?,
-        };
+        let scene = load_scene(
+            assets,
+            &scenario.scene,
+            &scenario.pack,
+            &scenario.object_packs,
+        )?;
         let mut scene = stocked(assets, &scenario.task, scene)?;
         let task = match scenario.task.as_str() {
             "" => None,

@@ -1,9 +1,6 @@
 //! `Scenario`: the complete specification of a simulation.
 
-use std::sync::Arc;
-
 use nalgebra::Isometry3;
-use wheelarm_pack::{Digest, Pack, PackName, to_hex};
 use wheelarm_proto::settings::Style;
 use wheelarm_proto::{CONTROL_HZ, PHYSICS_HZ, defaults, limits};
 
@@ -16,6 +13,7 @@ use crate::sensors::{BadRate, Schedule};
 use crate::tasks::{Language, SamplingRules};
 
 use super::disturb::Disturbances;
+use super::packs::{ObjectPack, ScenePack};
 
 pub use wheelarm_proto::settings::{Pacing, Quality, Starts};
 
@@ -131,62 +129,12 @@ pub struct Scenario {
     pub time_limit: Option<f64>,
     /// World pack of the scene.
     pub pack: ScenePack,
+    /// Further packs, whose objects are part of the stock of tasks.
+    pub object_packs: Vec<ObjectPack>,
     /// Rules of sampling; `None`: those of the scene.
     pub draws: Option<SamplingRules>,
     /// Requested values that the simulation has replaced. Resampling starts from these.
     pub requested: Requested,
-}
-
-/// The world pack of a scene.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub enum ScenePack {
-    /// The scene is one of the assets, or of the first pack with its name.
-    #[default]
-    Search,
-    /// The scene is that of the requested pack.
-    Exactly(PackRequest),
-    /// The scene is that of this pack.
-    Open(Arc<Pack>),
-}
-
-/// A requested pack; `None` accepts any digest.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PackRequest {
-    /// Name.
-    pub name: String,
-    /// Version, for messages.
-    pub version: String,
-    /// Physics digest.
-    pub physics: Option<Digest>,
-    /// Rendering digest.
-    pub rendering: Option<Digest>,
-}
-
-impl PackRequest {
-    /// Whether a pack has the requested digests.
-    #[must_use]
-    pub fn fits(&self, id: &PackName) -> bool {
-        self.name == id.name
-            && self.physics.is_none_or(|digest| digest == id.physics)
-            && self.rendering.is_none_or(|digest| digest == id.rendering)
-    }
-}
-
-impl std::fmt::Display for PackRequest {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let short = |digest: &Option<Digest>| match digest {
-            Some(digest) => to_hex(digest)[..16].to_owned(),
-            None => "any".to_owned(),
-        };
-        write!(
-            f,
-            "{} {} (physics {}, rendering {})",
-            self.name,
-            self.version,
-            short(&self.physics),
-            short(&self.rendering)
-        )
-    }
 }
 
 /// Requested values that a simulation has replaced.
@@ -246,6 +194,7 @@ impl Default for Scenario {
             style: Style::Quick,
             time_limit: None,
             pack: ScenePack::Search,
+            object_packs: Vec::new(),
             draws: None,
             requested: Requested::default(),
         }
@@ -387,6 +336,7 @@ impl Scenario {
             disturbances: _,
             style: _,
             pack: _,
+            object_packs: _,
         } = self;
         objects.clear();
         slides.clear();
@@ -449,6 +399,7 @@ impl Scenario {
             draws: _,
             requested: _,
             pack,
+            object_packs,
         } = self;
         let sampled =
             |person: &Option<PersonSetting>| person.as_ref().and_then(|p| p.drawn.clone());
@@ -458,6 +409,7 @@ impl Scenario {
             && (sensors.is_empty() || *seed == other.seed)
             && *scene == other.scene
             && *pack == other.pack
+            && *object_packs == other.object_packs
             && *robot == other.robot
             && *task == other.task
             && *quality == other.quality

@@ -34,7 +34,7 @@ const LONG: f64 = 0.5;
 /// query.
 pub(super) fn stocked(assets: &Path, scene: &Scene) -> Result<Scene, SceneError> {
     let mut scene = scene.clone();
-    let stock = stock::read(assets)?;
+    let stock = stock::read(assets, &scene)?;
     scene.add_optional_objects(assets, stock.iter().map(|stock| stock.object.as_str()))?;
     Ok(scene)
 }
@@ -75,7 +75,7 @@ pub(super) fn read(
         }
     };
     let from = file.from.clone().unwrap_or_default();
-    let stock = stock::read(assets)?;
+    let stock = stock::read(assets, scene)?;
     let finder = Finder {
         name,
         object: &file.object,

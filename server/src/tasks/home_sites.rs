@@ -42,7 +42,11 @@ impl Finder<'_> {
     /// The places, each with what may be the target.
     pub(super) fn sites(&self) -> Result<Vec<Site>, SceneError> {
         let scene = self.scene;
-        let wanted = |stock: &Stock| stock.body(scene).is_some_and(|body| self.object.fits(body));
+        let wanted = |stock: &Stock| {
+            stock
+                .target(scene)
+                .is_some_and(|body| self.object.fits(body))
+        };
         let wanted: Vec<usize> = (0..self.stock.len())
             .filter(|&i| wanted(&self.stock[i]))
             .collect();

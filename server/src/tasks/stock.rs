@@ -1,11 +1,16 @@
-//! `assets/stocks.toml`: what may be on the places of a home.
+//! What may be on the places of a home: `assets/stocks.toml`, and the objects of packs with a
+//! table `[stock]`.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::Deserialize;
 
 use super::area::{PlaceSpec, Range, RestShares};
-use crate::scene::{Body, Place, ReachedPlace, Scene, SceneError, parse, provenance};
+use crate::scene::{
+    Body, Place, ReachedPlace, Scene, SceneError, names, parse, parse_packed, provenance,
+};
+use wheelarm_pack::{ObjectFile, Pack, StockEntry};
 
 /// File below the assets folder.
 pub(super) const FILE: &str = "stocks.toml";
@@ -38,44 +43,103 @@ pub(super) struct Stock {
     mass: Option<[f64; 2]>,
     /// Coulomb coefficient; the object's own when absent.
     friction: Option<[f64; 2]>,
+    /// It is placed beside other objects, and no task requests it.
+    #[serde(default)]
+    scenery: bool,
 }
 
-/// Reads the stock.
-pub(super) fn read(assets: &Path) -> Result<Vec<Stock>, SceneError> {
+/// Reads the stock of a scene: that of the assets, and the objects of its packs.
+pub(super) fn read(assets: &Path, scene: &Scene) -> Result<Vec<Stock>, SceneError> {
     let file: StockFile = parse(assets, FILE)?;
     let place = Place::file(FILE);
     provenance(&place, &file.origin, &file.license)?;
     for stock in &file.stock {
-        let place = place.entry("stock", &stock.object);
+        stock.check(&place.entry("stock", &stock.object))?;
+    }
+    let mut all = file.stock;
+    let mut packs = scene.stocked_packs().peekable();
+    if packs.peek().is_none() {
+        return Ok(all);
+    }
+    let mut taken: BTreeMap<String, String> = names(assets, "objects")?
+        .into_iter()
+        .map(|name| (name, "the assets".to_owned()))
+        .collect();
+    for pack in packs {
+        let owner = format!("the pack {:?}", pack.id().name);
+        for (name, entry) in of_pack(pack)? {
+            let place = Place::file(&pack.asset_path(&format!("objects/{name}.toml")));
+            if let Some(other) = taken.insert(name.clone(), owner.clone()) {
+                return Err(place.key("stock").wrong(
+                    format!("{name:?}, which {other} has too"),
+                    "a name that no other object has",
+                    "rename one of the two files, or leave out one of the packs",
+                ));
+            }
+            let stock = Stock::of_object(name, entry);
+            stock.check(&place.key("stock"))?;
+            all.push(stock);
+        }
+    }
+    Ok(all)
+}
+
+/// The objects of a pack that have a table `[stock]`.
+fn of_pack(pack: &Pack) -> Result<Vec<(String, StockEntry)>, SceneError> {
+    let mut found = Vec::new();
+    for name in pack.names("objects", "toml") {
+        let file: ObjectFile = parse_packed(pack, &format!("objects/{name}.toml"))?;
+        found.extend(file.stock.map(|stock| (name.to_owned(), stock)));
+    }
+    Ok(found)
+}
+
+impl Stock {
+    /// An object of a pack.
+    fn of_object(object: String, entry: StockEntry) -> Self {
+        Self {
+            object,
+            words: entry.words,
+            headroom: entry.headroom,
+            depth: entry.depth,
+            yaw_deg: entry.yaw_deg,
+            rooms: entry.rooms,
+            mass: None,
+            friction: None,
+            scenery: entry.scenery,
+        }
+    }
+
+    fn check(&self, place: &Place) -> Result<(), SceneError> {
         let metres = "lengths are metres";
         place
             .key("headroom")
-            .within(stock.headroom, 0.0, 2.0, "m", metres)?;
+            .within(self.headroom, 0.0, 2.0, "m", metres)?;
         place
             .key("depth")
-            .within(stock.depth, 0.0, 2.0, "m", metres)?;
+            .within(self.depth, 0.0, 2.0, "m", metres)?;
         let degrees = "angles are degrees";
         place
             .key("yaw_deg")
-            .within(stock.yaw_deg, 0.0, 180.0, "degrees", degrees)?;
-        for (key, range, most) in [
-            ("mass", stock.mass, 100.0),
-            ("friction", stock.friction, 2.0),
-        ] {
+            .within(self.yaw_deg, 0.0, 180.0, "degrees", degrees)?;
+        for (key, range, most) in [("mass", self.mass, 100.0), ("friction", self.friction, 2.0)] {
             let [min, max] = range.unwrap_or_default();
             let place = place.key(key);
             place.within(max, 0.0, most, "", "give [least, greatest] within these")?;
             place.within(min, 0.0, max, "", "give [least, greatest]")?;
         }
+        Ok(())
     }
-    Ok(file.stock)
-}
 
-impl Stock {
-    /// Its body in a scene, if it can be grasped.
+    /// Its body in a scene.
     pub(super) fn body<'a>(&self, scene: &'a Scene) -> Option<&'a Body> {
-        let body = &scene.objects[scene.object_named(&self.object)?];
-        (!body.grasps.is_empty()).then_some(body)
+        Some(&scene.objects[scene.object_named(&self.object)?])
+    }
+
+    /// Its body in a scene, if tasks may request it.
+    pub(super) fn target<'a>(&self, scene: &'a Scene) -> Option<&'a Body> {
+        let body = self.body(scene)?;
+        (!self.scenery && !body.grasps.is_empty()).then_some(body)
     }
 
     /// Whether it belongs into the room of a place.

@@ -25,6 +25,7 @@ mod home_tasks;
 mod installed;
 mod multiply;
 mod mutation;
+mod object_import;
 mod over_ticks;
 mod own_client;
 mod packs;

@@ -287,6 +287,28 @@ fn damaged_assets_do_not_panic() {
 }
 
 #[test]
+fn damaged_objects_do_not_panic() {
+    let wedge = b"v 0 0 0\nv 0.1 0 0\nv 0 0.2 0\nv 0 0 0.05\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
+    read_damaged("wedge.obj", wedge, 1500, decoders::object_mesh);
+    read_damaged("wedge.obj", wedge, 25, decoders::object);
+    let text = b"solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 0.1 0 0\n\
+        vertex 0 0.2 0.1\nendloop\nendfacet\nendsolid a\n";
+    read_damaged("text.stl", text, 1500, decoders::object_mesh);
+    let mut binary = vec![b'x'; 80];
+    binary.extend(1u32.to_le_bytes());
+    binary.extend([0u8; 12]);
+    for corner in [0.0f32, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.1, 0.1] {
+        binary.extend(corner.to_le_bytes());
+    }
+    binary.extend([0u8; 2]);
+    read_damaged("binary.stl", &binary, 1500, decoders::object_mesh);
+    for path in below(&root().join("assets"), ".glb").into_iter().take(2) {
+        let good = std::fs::read(root().join("assets").join(&path)).expect("an asset");
+        read_damaged(&path, &good, 40, decoders::object_mesh);
+    }
+}
+
+#[test]
 fn damaged_homes_do_not_panic() {
     let good = br#"<?xml version='1.0'?>
 <home version='7000' wallHeight='250.0' selectedLevel='a'>

@@ -140,6 +140,7 @@ impl Attempt<'_> {
             driver: Driver::Expert(Expert {
                 profile_seed: self.profile_seed(),
                 forced: plan.variation.forced(self.episode_seed()),
+                ..Expert::default()
             }),
             record: Some(Record {
                 out: self.staging.clone(),

@@ -342,10 +342,16 @@ fn unknown_tasks(
     assets: Option<&Path>,
     packs: &[PathBuf],
 ) -> anyhow::Result<Option<String>> {
+    let packs_of_plan = plan.scenario().packs.iter();
+    let objects: Vec<String> = packs_of_plan
+        .map(|pack| pack.name.clone())
+        .filter(|name| *name != plan.scenario().scene)
+        .collect();
     let listed = tasks_of_program(TaskSources {
         assets,
         packs,
         scene: &plan.scenario().scene,
+        objects: &objects,
     })?;
     let known: BTreeSet<&str> = listed.iter().map(|task| task.name.as_str()).collect();
     let unknown = plan

@@ -1,4 +1,4 @@
-//! Licenses of the world pack of a plan, checked before any episode is made.
+//! Licenses of the world packs of a plan, checked before any episode is made.
 
 use std::path::{Path, PathBuf};
 
@@ -7,14 +7,14 @@ use wheelarm_pack::Store;
 
 use super::plan::Plan;
 
-/// Checks that the pack of the plan's scene permits commercial use.
+/// Checks that the packs of the plan's scene and objects permit commercial use.
 ///
-/// Returns a warning when it does not and the plan does not require it. A scene of the
+/// Returns a warning when one does not and the plan does not require it. A scene of the
 /// assets has no pack.
 ///
 /// # Errors
-/// When the plan has `licence = "commercial"` and a part of the pack does not permit it, or
-/// when the pack is not valid.
+/// When the plan has `licence = "commercial"` and a part of a pack does not permit it, or
+/// when a pack is not valid.
 pub fn check(
     path: &Path,
     plan: &Plan,
@@ -22,19 +22,26 @@ pub fn check(
     packs: &[PathBuf],
 ) -> anyhow::Result<Option<String>> {
     let scene = &plan.scenario().scene;
-    if assets.join(format!("scenes/{scene}.toml")).is_file() {
-        return Ok(None);
+    let of_scene = Some(scene).filter(|scene| {
+        let file = assets.join(format!("scenes/{scene}.toml"));
+        !file.is_file()
+    });
+    let further = plan.scenario().packs.iter().map(|pack| &pack.name);
+    let further = further.filter(|name| *name != scene);
+    let mut problems = Vec::new();
+    for name in of_scene.into_iter().chain(further) {
+        let pack = Store::search(packs, assets).open(name);
+        let pack = pack.with_context(|| format!("the pack {name:?} cannot be used"))?;
+        let Some(Err(problem)) = pack.map(|pack| pack.check_commercial()) else {
+            continue;
+        };
+        if plan.commercial {
+            let what = format!("{} requires licence = \"commercial\"", path.display());
+            return Err(anyhow::Error::new(problem).context(what));
+        }
+        problems.push(problem.to_string());
     }
-    let pack = Store::search(packs, assets).open(scene);
-    let pack = pack.with_context(|| format!("the pack {scene:?} cannot be used"))?;
-    let Some(Err(problem)) = pack.map(|pack| pack.check_commercial()) else {
-        return Ok(None);
-    };
-    if plan.commercial {
-        let what = format!("{} requires licence = \"commercial\"", path.display());
-        return Err(anyhow::Error::new(problem).context(what));
-    }
-    Ok(Some(problem.to_string()))
+    Ok((!problems.is_empty()).then(|| problems.join("\n")))
 }
 
 #[cfg(test)]

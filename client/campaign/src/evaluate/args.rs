@@ -22,7 +22,7 @@ use crate::sentences::Language;
 use crate::variation::Variation;
 use crate::worker_mode::WorkerMode;
 use wheelarm_options::choice::{MOST_SEEDS, named, patience, seed_range};
-use wheelarm_options::packs::PackArgs;
+use wheelarm_options::packs::{ObjectPackArgs, PackArgs};
 
 /// Subcommands of `wheelarm evaluate`.
 #[derive(clap::Subcommand, Clone, Debug)]
@@ -152,6 +152,8 @@ pub struct EvaluateArgs {
     /// World packs.
     #[command(flatten)]
     pub packs: PackArgs,
+    #[command(flatten)]
+    pub objects: ObjectPackArgs,
 }
 
 /// A share, 0 to 1.
@@ -264,6 +266,7 @@ impl EvaluateArgs {
             cameras,
             pacing: v1::Pacing::LockStep.into(),
             quality: Quality::Standard.code().into(),
+            packs: self.objects.refs(),
             ..shared.unwrap_or_default()
         }
     }

@@ -216,6 +216,7 @@ fn tasks(args: &EvaluateArgs, layout: bool) -> anyhow::Result<Vec<String>> {
         assets: args.assets.as_deref(),
         packs: &args.packs.packs,
         scene: &args.scene,
+        objects: &args.objects.objects,
     };
     let listed = tasks_of_program(sources)?;
     let (several, one): (Vec<_>, Vec<_>) = listed.iter().partition(|task| task.variants.len() > 1);

@@ -140,8 +140,8 @@ impl DriverChoice {
     #[must_use]
     pub fn for_episode(&self, seed: u64, forced: Option<ForcedError>) -> Driver {
         let expert = Expert {
-            profile_seed: None,
             forced,
+            ..Expert::default()
         };
         match self {
             Self::Expert => Driver::Expert(expert),

@@ -328,6 +328,19 @@ pub const NEW: &str = manual!(
 "
 );
 
+/// `wheelarm object`.
+pub const OBJECT: &str = manual!(
+    "  wheelarm object import mug.glb --category mug --license CC0-1.0
+  wheelarm object import can.stl --category can --scale 0.001 --up z --out packs/kitchen
+  wheelarm object check mug
+  wheelarm-server --objects mug --task take_anything
+",
+    "  0  imported or checked; what is unusual is printed
+  1  the mesh, an option or the pack cannot be used
+",
+    "\n  WHEELARM_PACKS    folders of packs; an import writes into the first"
+);
+
 /// `wheelarm completions`.
 pub const COMPLETIONS: &str = manual!(
     "  wheelarm completions bash > ~/.local/share/bash-completion/completions/wheelarm

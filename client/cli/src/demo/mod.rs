@@ -22,7 +22,7 @@ use summary::Summary;
 use wheelarm_campaign::policy_options::{DriverChoice, PolicyArgs, Start};
 use wheelarm_expert::run::Progress;
 use wheelarm_options::choice::{named, seed_range};
-use wheelarm_options::packs::PackArgs;
+use wheelarm_options::packs::{ObjectPackArgs, PackArgs};
 use wheelarm_rollout::launcher::{
     Input, Launch, Process, Program, TaskSources, all_cameras, refusal_of_program, tasks_of_program,
 };
@@ -78,6 +78,8 @@ pub struct DemoArgs {
     /// World packs.
     #[command(flatten)]
     pub packs: PackArgs,
+    #[command(flatten)]
+    pub objects: ObjectPackArgs,
     /// Skips the contact sheet.
     #[arg(long)]
     pub no_sheet: bool,
@@ -99,6 +101,7 @@ impl DemoArgs {
                 .appearance
                 .map(|appearance| appearance.for_episode(seed)),
             sensors: self.sensor.clone(),
+            packs: self.objects.refs(),
             ..v1::Scenario::default()
         }
     }
@@ -115,6 +118,7 @@ pub fn run(args: &DemoArgs) -> anyhow::Result<ExitCode> {
         assets: args.assets.as_deref(),
         packs: &args.packs.packs,
         scene: &args.scene,
+        objects: &args.objects.objects,
     };
     let tasks = tasks_of_program(sources)?;
     if !args.task.is_empty() && !tasks.iter().any(|task| task.name == args.task) {

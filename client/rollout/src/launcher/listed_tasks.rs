@@ -17,6 +17,8 @@ pub struct TaskSources<'a> {
     pub packs: &'a [PathBuf],
     /// Scene, whose pack may have tasks; empty for the assets alone.
     pub scene: &'a str,
+    /// Packs whose objects tasks may place.
+    pub objects: &'a [String],
 }
 
 /// Lists the tasks of the assets, and of the pack of a scene, with the program
@@ -57,6 +59,9 @@ fn output(sources: TaskSources<'_>, args: &[&str]) -> anyhow::Result<Output> {
     }
     if !sources.scene.is_empty() {
         command.args(["--scene", sources.scene]);
+    }
+    if !sources.objects.is_empty() {
+        command.arg("--objects").arg(sources.objects.join(","));
     }
     let output = command.output();
     output.with_context(|| format!("running wheelarm-server {}", args.join(" ")))

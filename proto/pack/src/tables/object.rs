@@ -48,6 +48,43 @@ pub struct ObjectFile {
     /// Point to drink or eat from, metres.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tip: Option<[f64; 3]>,
+    /// Placement by the tasks of every home; they do not place an object without it. Objects of
+    /// the assets have theirs in `stocks.toml`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stock: Option<StockEntry>,
+}
+
+/// Placement of an object of a pack by the tasks of every home.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct StockEntry {
+    /// Its name in sentences.
+    pub words: String,
+    /// Free height that it needs with the hand above it, metres.
+    pub headroom: f64,
+    /// Depth of a surface that it needs, metres.
+    pub depth: f64,
+    /// Largest rotation from the direction inwards; 180 for round objects.
+    pub yaw_deg: f64,
+    /// Kinds of rooms; every room when absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rooms: Option<Vec<String>>,
+    /// It is placed beside other objects, and no task requests it.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub scenery: bool,
+    /// Result of `wheelarm object check`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub trials: Option<TrialsEntry>,
+}
+
+/// Lifts of an object by the scripted operator.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrialsEntry {
+    /// Trials.
+    pub of: u32,
+    /// Trials in which it was lifted.
+    pub lifted: u32,
 }
 
 /// Elasticity of a deformable.

@@ -102,7 +102,7 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
         person: s.person.as_ref().map(person::to_proto),
         style: Some(s.style.name().to_owned()),
         time_limit_seconds: s.time_limit,
-        packs: packs::refs(&s.pack),
+        packs: packs::refs(&s.pack, &s.object_packs),
         draws: s.draws.map(SamplingRules::number),
     }
 }
@@ -329,7 +329,13 @@ pub fn scenario_over(now: &Scenario, request: &v1::Scenario) -> Result<Scenario,
     let changes_rules = rules.is_some() && rules != now.draws;
     let resamples =
         task.is_some() || seed.is_some() || moves_start || changes_variant || changes_rules;
-    if named || resamples {
+    let of_scene = if scene.is_empty() { &now.scene } else { scene };
+    let (scene_pack, object_packs) = packs::from_proto(of_scene, requested_packs)?;
+    let object_packs = match requested_packs.is_empty() {
+        true if *of_scene == now.scene => now.object_packs.clone(),
+        _ => object_packs,
+    };
+    if named || resamples || object_packs != now.object_packs {
         s.clear_sampled();
     }
     if !robot.is_empty() && *robot != now.robot {
@@ -339,8 +345,9 @@ pub fn scenario_over(now: &Scenario, request: &v1::Scenario) -> Result<Scenario,
     let given = |new: &str| (!new.is_empty()).then(|| new.to_owned());
     keep(&mut s.scene, given(scene));
     if !scene.is_empty() || !requested_packs.is_empty() {
-        s.pack = packs::from_proto(&s.scene, requested_packs)?;
+        s.pack = scene_pack;
     }
+    s.object_packs = object_packs;
     if s.scene != now.scene && task.is_none() {
         // The task in force belongs to the former scene.
         s.task.clear();

@@ -371,7 +371,10 @@ impl Engine {
         let header = Some(stamp.clone());
         self.shared.replies.answer_later(query, stamp, move || {
             let mut known = shared.tasks.lock();
-            let pack = packed.pack.as_ref().map(|pack| pack.id().clone());
+            let pack: Vec<_> = packed
+                .stocked_packs()
+                .map(|pack| pack.id().clone())
+                .collect();
             let tasks = match &*known {
                 Some((of, tasks)) if *of == pack => tasks.clone(),
                 _ => {
@@ -525,7 +528,7 @@ impl Engine {
             snapshot: episode.snapshot.clone(),
             assets: self.asset_texts.clone(),
             instances: self.instances(),
-            packs: packs::files(&self.sim.scenario().pack).map_err(Denied::internal)?,
+            packs: packs::files(self.sim.scenario()).map_err(Denied::internal)?,
             furniture_urdf: self.sim.scene().furniture_urdf(),
         };
         let bytes = Bytes::from(reply.encode_to_vec());

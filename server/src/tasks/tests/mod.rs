@@ -2,6 +2,7 @@
 
 mod evaluation;
 mod maps;
+mod object_packs;
 mod queries;
 mod samples;
 

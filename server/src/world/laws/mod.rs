@@ -105,6 +105,7 @@ fn scene(furniture: Vec<Body>, objects: Vec<Body>) -> (Scene, Vec<Placement>) {
     let scene = Scene {
         name: "laws".into(),
         pack: None,
+        object_packs: Vec::new(),
         furniture,
         objects,
         surfaces: Vec::new(),
