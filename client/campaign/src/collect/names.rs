@@ -161,7 +161,7 @@ mod tests {
                 "home",
                 "nohome",
                 2,
-                "no scene \"nohome\" in the assets; available: home;",
+                "no scene \"nohome\" in the assets; available: home, bench;",
             ),
             (
                 "man_p50",

@@ -69,7 +69,7 @@ fn size(text: &str) -> Result<[f64; 3], String> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|n| n.trim().parse()).collect();
     let numbers = numbers.ok().and_then(|numbers| numbers.try_into().ok());
     numbers.ok_or_else(|| {
-        format!("{text:?} is not X,Y,Z: three lengths in metres, for example 0.085,0.12,0.108")
+        format!("{text:?} is not X,Y,Z: three lengths in metres, for example 0.08,0.12,0.11")
     })
 }
 

@@ -176,7 +176,7 @@ fn check(options: &SizeOptions) -> Result<(), ObjectError> {
     if let Some(size) = options.size
         && !size.iter().all(|side| (0.001..=EXTENT[1]).contains(side))
     {
-        let expected = "three lengths from 0.001 to 2 m, for example 0.085,0.12,0.108";
+        let expected = "three lengths from 0.001 to 2 m, for example 0.08,0.12,0.11";
         return invalid("--size", format!("{size:?}"), expected);
     }
     if let Some(scale) = options.scale

@@ -47,7 +47,7 @@ pub fn basin(m: &mut Model, [depth, width, height]: [f64; 3], design: Design) {
         &[
             [0.0, 0.012],
             [radius * 0.70, 0.018],
-            [radius * 0.93, 0.085],
+            [radius * 0.93, 0.086],
             [radius, 0.10],
             [radius * 0.97, 0.0],
             [0.0, 0.0],

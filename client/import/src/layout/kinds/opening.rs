@@ -113,7 +113,7 @@ pub fn window(
         // Folds: narrow boards that turn to and fro.
         let count = 5;
         for index in 0..count {
-            let at = side * (width / 2.0 - 0.10 + 0.085 * f64::from(index));
+            let at = side * (width / 2.0 - 0.10 + 0.086 * f64::from(index));
             let lean =
                 if index % 2 == 0 { 34.0 } else { -34.0 } + random.number([-5.0, 5.0]).round();
             let part = wheelarm_pack::PartEntry {

@@ -111,7 +111,7 @@ pub fn small_objects(name: &str, random: &mut Random) -> Model {
                 ],
             );
             m.rod("plastic_dark", [0.0, 0.0, 0.20], 0.014, 0.02);
-            m.rod("plastic_dark", [-0.01, 0.085, 0.04], 0.010, 0.14);
+            m.rod("plastic_dark", [-0.01, 0.086, 0.04], 0.010, 0.14);
             m.bar("plastic_dark", [-0.01, 0.07, 0.175], 1, [0.009, 0.05]);
             m.rod("plastic_dark", [0.0; 3], 0.08, 0.012);
             m.solid([about(0.0, 0.15), about(0.01, 0.17), [0.0, 0.21]]);
@@ -158,7 +158,7 @@ pub fn small_objects(name: &str, random: &mut Random) -> Model {
                 -10.0,
             );
             for y in [-0.025, 0.0, 0.025] {
-                m.rod("plastic_dark", [-0.015, y, 0.20], 0.009, 0.085);
+                m.rod("plastic_dark", [-0.015, y, 0.20], 0.009, 0.086);
             }
             m.solid([about(0.0, 0.13), about(0.0, 0.09), [0.0, 0.28]]);
         }
@@ -185,7 +185,7 @@ pub fn small_objects(name: &str, random: &mut Random) -> Model {
             for (at, material) in fruit {
                 m.ball(material, [at[0], at[1], 0.062], 0.036);
             }
-            m.solid([about(0.0, 0.22), about(0.0, 0.22), [0.0, 0.085]]);
+            m.solid([about(0.0, 0.22), about(0.0, 0.22), [0.0, 0.086]]);
         }
         "herb_pot" => {
             m.cone("ceramic_1", [0.0; 3], [0.045, 0.06], 0.10);
@@ -233,7 +233,7 @@ pub fn small_objects(name: &str, random: &mut Random) -> Model {
             );
             m.rod("candle", [0.0, -0.05, 0.012], 0.032, 0.075);
             m.rod("candle", [0.01, 0.045, 0.012], 0.032, 0.05);
-            m.solid([about(0.0, 0.13), about(0.0, 0.20), [0.0, 0.085]]);
+            m.solid([about(0.0, 0.13), about(0.0, 0.20), [0.0, 0.086]]);
         }
         "monitor" => {
             m.shown(
@@ -275,7 +275,7 @@ pub fn small_objects(name: &str, random: &mut Random) -> Model {
                 ],
             );
             m.rod("metal_dark", [0.0, 0.0, 0.14], 0.006, 0.06);
-            m.cone("lampshade", [0.0, 0.0, 0.17], [0.085, 0.060], 0.15);
+            m.cone("lampshade", [0.0, 0.0, 0.17], [0.086, 0.060], 0.15);
             m.solid([about(0.0, 0.14), about(0.0, 0.14), [0.0, 0.32]]);
         }
         "alarm_clock" => {
@@ -345,7 +345,7 @@ pub fn small_objects(name: &str, random: &mut Random) -> Model {
             );
             m.shown(
                 "screen",
-                [[-0.0205, -0.019], about(0.0, 0.95), [0.085, 0.625]],
+                [[-0.0205, -0.019], about(0.0, 0.95), [0.086, 0.625]],
             );
             m.solid([about(-0.03, 0.10), about(0.0, 0.98), [0.0, 0.64]]);
         }

@@ -163,7 +163,7 @@ pub fn wall_pieces(piece: WallPiece, room: f64, design: Design, random: &mut Ran
             m.shown(
                 "radiator",
                 [
-                    [0.045, 0.085],
+                    [0.045, 0.086],
                     about(0.0, width),
                     [z[0] + 0.04, z[0] + 0.07],
                 ],
@@ -171,7 +171,7 @@ pub fn wall_pieces(piece: WallPiece, room: f64, design: Design, random: &mut Ran
             m.shown(
                 "radiator",
                 [
-                    [0.045, 0.085],
+                    [0.045, 0.086],
                     about(0.0, width),
                     [z[1] - 0.07, z[1] - 0.04],
                 ],
