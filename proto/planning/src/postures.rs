@@ -213,7 +213,8 @@ impl PostureFloor {
     pub fn of_home(&self, start: Option<&Pose2>) -> PostureReach {
         let largest = self.largest();
         let from_start = start.map(|start| self.from_start(start, Posture::Home));
-        let is_driven = |reach: &PostureReach| 2 * reach.len() >= largest.len() && !reach.is_empty();
+        let is_driven =
+            |reach: &PostureReach| 2 * reach.len() >= largest.len() && !reach.is_empty();
         from_start.filter(is_driven).unwrap_or(largest)
     }
 

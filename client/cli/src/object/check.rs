@@ -169,7 +169,7 @@ fn rollout(pack: &Pack, name: &str, seed: u64) -> Rollout {
         label: format!("{name}-{seed}"),
         driver: Driver::Expert(Expert {
             // The other task ends with the object put down.
-            shakes: seed % 2 == 0,
+            shakes: seed.is_multiple_of(2),
             ..Expert::default()
         }),
         record: None,

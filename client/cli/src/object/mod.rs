@@ -14,7 +14,7 @@ pub enum ObjectCommand {
     ///
     /// Reads GLB, glTF, OBJ with MTL, STL and COLLADA. Prints units, size, mass, shapes, grasps and
     /// what is unusual. An object of the same name in the pack is replaced.
-    Import(import::ImportArgs),
+    Import(Box<import::ImportArgs>),
     /// Lets the scripted operator lift an object of a pack on a bench, again and again.
     ///
     /// An object that is lifted in nine of ten trials can be grasped by tasks; others become

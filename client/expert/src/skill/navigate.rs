@@ -110,7 +110,7 @@ impl Navigate {
             None => Step::Impossible(why),
             Some(Leg::Stop(drive, candidate)) => {
                 self.is_stowed = true;
-                self.set_off(now, drive, Some(candidate))
+                self.set_off(now, drive, Some(*candidate))
             }
             Some(Leg::ToReturn(drive)) => {
                 (self.is_stowed, self.is_between) = (true, true);

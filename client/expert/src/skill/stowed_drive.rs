@@ -34,7 +34,7 @@ const MOST: usize = 1_000;
 /// A drive that begins or ends with a change of the arm's posture.
 pub(super) enum Leg {
     /// Stowed, to a stop for a candidate, where the arm returns home.
-    Stop(Drive, GraspCandidate),
+    Stop(Drive, Box<GraspCandidate>),
     /// With the arm at home, to a place where it has room to be stowed.
     ToStow(Drive),
     /// Stowed, to a place where the arm has room to return home; then the work is planned
@@ -172,7 +172,7 @@ pub(super) fn plan(now: &mut Now<'_>, purpose: Purpose) -> Option<Leg> {
     let margins = [now.profile.path.margin, STOWED_CLEARANCE];
     let found = (margins.into_iter()).find_map(|margin| floor.find(now, purpose, margin));
     let leg = match found {
-        Some((drive, candidate)) => Leg::Stop(drive, candidate),
+        Some((drive, candidate)) => Leg::Stop(drive, Box::new(candidate)),
         None => Leg::ToReturn(beyond(now, &floor, purpose)?),
     };
     // The arm needs room to be stowed, too.

@@ -65,7 +65,7 @@ pub enum LayoutError {
     Home(#[from] NoHome),
     /// The home gets no places.
     #[error(transparent)]
-    Places(#[from] NoPlaces),
+    Places(#[from] Box<NoPlaces>),
 }
 
 /// An own home that is ready.
@@ -107,5 +107,5 @@ pub fn make(order: &Order<'_>, robot: PlaceRobot<'_>) -> Result<OwnHome, LayoutE
 /// # Errors
 /// As [`home_places::add`].
 pub fn with_places(home: &OwnHome, robot: PlaceRobot<'_>) -> Result<HomePlaces, LayoutError> {
-    Ok(home_places::add(&home.pack, robot)?)
+    Ok(home_places::add(&home.pack, robot).map_err(Box::new)?)
 }

@@ -166,7 +166,8 @@ fn narrow_door_is_rejected() {
 
 #[test]
 fn invalid_plan_names_the_place_and_the_fix() {
-    let change: [(fn(&mut PlanFile), &str); 5] = [
+    type Change = fn(&mut PlanFile);
+    let change: [(Change, &str); 5] = [
         (
             |plan| plan.entrance = "cellar".into(),
             "no room named \"cellar\"",

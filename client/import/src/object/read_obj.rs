@@ -24,12 +24,15 @@ pub(super) fn parse(name: &str, bytes: &[u8], beside: Beside<'_>) -> Result<Sour
     })
 }
 
+/// Groups by name.
+type Groups = Vec<(String, Mesh)>;
+
 /// The groups of a file, each with all materials of the file.
 pub(super) fn parts(
     name: &str,
     bytes: &[u8],
     beside: Beside<'_>,
-) -> Result<(Vec<(String, Mesh)>, Vec<String>), String> {
+) -> Result<(Groups, Vec<String>), String> {
     if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
         return Err("the text is UTF-16; save the file as UTF-8".into());
     }
