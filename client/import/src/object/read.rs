@@ -39,7 +39,7 @@ pub fn read(path: &Path) -> Result<Source, ObjectError> {
 /// names.
 ///
 /// # Errors
-/// As [`read`].
+/// When they are damaged, exceed a limit, or have another format.
 pub fn parse(name: &str, bytes: &[u8], beside: Beside<'_>) -> Result<Source, ObjectError> {
     let ending = name.rsplit_once('.').map_or("", |(_, ending)| ending);
     let read = match ending.to_ascii_lowercase().as_str() {
