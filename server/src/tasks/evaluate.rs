@@ -298,16 +298,16 @@ impl Evaluator {
         let FailureSpec {
             drop, tilt, reach, ..
         } = self.failure;
-        if rise < -drop {
-            return Some(Failure::Dropped);
-        }
         if held && rise > drop {
             self.state.was_lifted = true;
         }
-        // A target put down at its goal is not dropped.
+        // A target put down at its goal is not dropped; the goal may be lower than the start.
         let goal = self.goal.as_deref();
         let arrived = goal.and_then(|on| self.context.inside(target, state, on, drop));
         let arrived = arrived.is_some_and(|(_, inside)| inside);
+        if !held && !arrived && rise < -drop {
+            return Some(Failure::Dropped);
+        }
         if !held && !arrived && !self.fetches && self.state.was_lifted && rise < drop {
             return Some(Failure::Dropped);
         }
@@ -315,7 +315,8 @@ impl Evaluator {
             return Some(Failure::Tipped);
         }
         let rests = state.linear.norm() < REST_SPEED;
-        if let (Some(reach), Some(carrier), true) = (reach, &self.carrier, rests && !held) {
+        let is_left = rests && !held && !arrived;
+        if let (Some(reach), Some(carrier), true) = (reach, &self.carrier, is_left) {
             let inwards = (carrier.edge.inverse() * state.pose).translation.x;
             if inwards > reach {
                 return Some(Failure::Unreachable);

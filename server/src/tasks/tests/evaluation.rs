@@ -68,6 +68,17 @@ fn a_chair_that_does_not_move_is_at_rest_whatever_speed_the_engine_reports() {
 }
 
 #[test]
+fn target_that_is_held_below_its_start_is_not_dropped() {
+    let mut stage = Stage::new();
+    stage.run(0.1);
+    stage.grip();
+    stage.raise(-0.5);
+    assert_eq!(stage.run(0.2).failure, None);
+    stage.snapshot.contacts.clear();
+    assert_eq!(stage.run(0.1).failure, Some(Failure::Dropped));
+}
+
+#[test]
 fn failures_have_a_cause() {
     type Change = fn(&mut Stage);
     let cases: [(Failure, Change); 5] = [
