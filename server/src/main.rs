@@ -70,7 +70,8 @@ struct Args {
     /// Pacing of simulation time [default: real-time].
     #[arg(long, value_parser = named::<Pacing>())]
     pacing: Option<Pacing>,
-    /// Scene below assets/scenes, or the home of a world pack [default: home].
+    /// Scene below assets/scenes, the home of a world pack, or an own home,
+    /// PLAN-STYLE-SEED [default: home].
     #[arg(long)]
     scene: Option<String>,
     /// Task below assets/tasks; an empty name for none [default: pick_mustard].

@@ -154,6 +154,8 @@ pub fn rejected_field(scenario: &v1::Scenario) -> Option<(&'static str, &'static
         time_limit_seconds: _,
         packs: _,
         draws: _,
+        layout_seed: _,
+        home_style: _,
     } = scenario;
     [
         ("task", task.is_some(), "list tasks in [[task]]"),
@@ -462,6 +464,8 @@ fn take_images_and_rates(scenario: &mut v1::Scenario) -> [String; 7] {
         time_limit_seconds: _,
         packs: _,
         draws: _,
+        layout_seed: _,
+        home_style: _,
     } = scenario;
     cameras.clear();
     *quality = v1::RenderQuality::Unspecified.into();

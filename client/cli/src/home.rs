@@ -6,9 +6,9 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use clap::{Args, Subcommand, ValueEnum};
-use wheelarm_import::home_places::PlaceRobot;
-use wheelarm_import::home_report::{Posture, RobotFacts};
-use wheelarm_import::{Joints, Options, Summary, home_places, import_file, slug, write};
+use wheelarm_homes::home_places::{self, PlaceRobot};
+use wheelarm_homes::home_report::{Posture, RobotFacts};
+use wheelarm_import::{Joints, Options, Summary, import_file, slug, write};
 use wheelarm_options::packs::PackArgs;
 use wheelarm_pack::{Pack, Store};
 use wheelarm_proto::installed::{self, ASSETS_VARIABLE};

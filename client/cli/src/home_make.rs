@@ -7,9 +7,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::Args;
-use wheelarm_import::home_places::PlaceRobot;
-use wheelarm_import::home_report::{Finding, Home, Posture, RobotFacts, plan};
-use wheelarm_import::layout::{self, Catalog, LayoutError, Order, OwnHome};
+use wheelarm_homes::home_places::PlaceRobot;
+use wheelarm_homes::home_report::{Finding, Home, Posture, RobotFacts};
+use wheelarm_homes::layout::{self, Catalog, LayoutError, Order, OwnHome};
+use wheelarm_import::home_report::plan;
 use wheelarm_import::write;
 use wheelarm_options::packs::PackArgs;
 use wheelarm_pack::Pack;

@@ -4,9 +4,9 @@
 use std::path::Path;
 use std::process::ExitCode;
 
-use wheelarm_import::home_places::PlaceRobot;
-use wheelarm_import::home_report::{Posture, RobotFacts};
-use wheelarm_import::{Options, home_places, import_file, write};
+use wheelarm_homes::home_places::{self, PlaceRobot};
+use wheelarm_homes::home_report::{Posture, RobotFacts};
+use wheelarm_import::{Options, import_file, write};
 
 fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).collect();

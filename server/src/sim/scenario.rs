@@ -129,6 +129,10 @@ pub struct Scenario {
     pub time_limit: Option<f64>,
     /// World pack of the scene.
     pub pack: ScenePack,
+    /// Seed of the layout of an own home; `None` for another scene.
+    pub layout_seed: Option<u64>,
+    /// Style of the own home; empty for another scene.
+    pub home_style: String,
     /// Further packs, whose objects are part of the stock of tasks.
     pub object_packs: Vec<ObjectPack>,
     /// Rules of sampling; `None`: those of the scene.
@@ -194,6 +198,8 @@ impl Default for Scenario {
             style: Style::Quick,
             time_limit: None,
             pack: ScenePack::Search,
+            layout_seed: None,
+            home_style: String::new(),
             object_packs: Vec::new(),
             draws: None,
             requested: Requested::default(),
@@ -336,6 +342,8 @@ impl Scenario {
             disturbances: _,
             style: _,
             pack: _,
+            layout_seed: _,
+            home_style: _,
             object_packs: _,
         } = self;
         objects.clear();
@@ -399,6 +407,9 @@ impl Scenario {
             draws: _,
             requested: _,
             pack,
+            // The pack has both.
+            layout_seed: _,
+            home_style: _,
             object_packs,
         } = self;
         let sampled =

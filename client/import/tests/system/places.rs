@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use wheelarm_import::home_places::{self, HomePlaces, PlaceRobot};
-use wheelarm_import::home_report::{Posture, RobotFacts};
+use wheelarm_homes::home_places::{self, HomePlaces, PlaceRobot};
+use wheelarm_homes::home_report::{Posture, RobotFacts};
 use wheelarm_import::{Options, import};
 use wheelarm_pack::{HomeFile, KindFile, Pack, contains};
 

@@ -41,6 +41,20 @@ pub struct Processes {
 struct Kept {
     scenario: v1::Scenario,
     record: Option<Record>,
+    /// Scene of the last reset.
+    scene: Mutex<String>,
+}
+
+impl Kept {
+    /// The scene that a reset to `scene` names: none while it stays the same.
+    fn reset_scene(&self, scene: &str) -> String {
+        let mut last = self.scene.lock();
+        if scene.is_empty() || *last == scene {
+            return String::new();
+        }
+        scene.clone_into(&mut last);
+        scene.to_owned()
+    }
 }
 
 impl Processes {
@@ -66,12 +80,16 @@ impl Processes {
     }
 
     /// One server and one recorder for all episodes. The server starts with `scenario` and
-    /// is reset to the scenario of each episode, whose scene, robot, cameras, pacing and
-    /// quality stay those of `scenario`.
+    /// is reset to the scenario of each episode, whose robot, cameras, pacing and quality stay
+    /// those of `scenario`.
     #[must_use]
     pub fn keeping(self, scenario: v1::Scenario, record: Option<Record>) -> Self {
         Self {
-            kept: Some(Kept { scenario, record }),
+            kept: Some(Kept {
+                scene: Mutex::new(scenario.scene.clone()),
+                scenario,
+                record,
+            }),
             ..self
         }
     }
@@ -176,8 +194,8 @@ impl Processes {
         programs: &Programs,
         heartbeat: &Heartbeat,
     ) -> anyhow::Result<Work<anyhow::Result<Finished>>> {
-        let reset = self.kept.as_ref().map(|_| v1::Scenario {
-            scene: String::new(),
+        let reset = self.kept.as_ref().map(|kept| v1::Scenario {
+            scene: kept.reset_scene(&rollout.scenario.scene),
             robot: String::new(),
             cameras: Vec::new(),
             pacing: v1::Pacing::Unspecified.into(),

@@ -75,7 +75,8 @@ pub fn text(report: &HomeReport) -> Result<String, fmt::Error> {
 }
 
 /// The first problem of a home, with its fix.
-pub(super) fn advice(report: &HomeReport) -> Option<String> {
+#[must_use]
+pub fn advice(report: &HomeReport) -> Option<String> {
     let (name, sum) = (&report.home, &report.summary);
     if report.start.is_none() {
         return Some(format!(
@@ -109,7 +110,9 @@ pub(super) fn advice(report: &HomeReport) -> Option<String> {
     }
 }
 
-pub(super) fn room_words(room: &RoomReport) -> String {
+/// What the chair does in a room.
+#[must_use]
+pub fn room_words(room: &RoomReport) -> String {
     let mut words = format!("{:5.1} m², ", room.area);
     words += match (room.outdoors, room.entered) {
         (true, _) => "outside, not counted",
@@ -133,7 +136,9 @@ pub(super) fn room_words(room: &RoomReport) -> String {
     words
 }
 
-pub(super) fn door_words(door: &DoorReport) -> String {
+/// Clear width of a door, whether the chair passes, and its class of DIN 18040-2.
+#[must_use]
+pub fn door_words(door: &DoorReport) -> String {
     if door.closed {
         return "closed: it leads outside".to_owned();
     }
@@ -154,12 +159,15 @@ pub(super) fn door_words(door: &DoorReport) -> String {
 }
 
 /// Name of a surface, with its room.
-pub(super) fn surface_name(surface: &SurfaceReport) -> String {
+#[must_use]
+pub fn surface_name(surface: &SurfaceReport) -> String {
     let room = surface.room.as_deref().unwrap_or("no room");
     format!("{room}: {}/{}", surface.piece, surface.surface)
 }
 
-pub(super) fn surface_words(surface: &SurfaceReport) -> String {
+/// Size of a surface, and how much of it is reached or why not.
+#[must_use]
+pub fn surface_words(surface: &SurfaceReport) -> String {
     let [a, b] = surface.size;
     let size = format!("{:.2} m high, {a:.2} m x {b:.2} m: ", surface.height);
     let Some(strip) = &surface.strip else {
@@ -176,7 +184,7 @@ pub(super) fn surface_words(surface: &SurfaceReport) -> String {
     )
 }
 
-pub(super) fn reason_words(reason: Option<Reason>) -> &'static str {
+fn reason_words(reason: Option<Reason>) -> &'static str {
     match reason {
         None => "",
         Some(Reason::TooSmall) => "it is too small",
@@ -187,7 +195,9 @@ pub(super) fn reason_words(reason: Option<Reason>) -> &'static str {
     }
 }
 
-pub(super) fn move_words(piece: &MoveReport) -> String {
+/// What the removal of a piece gains.
+#[must_use]
+pub fn move_words(piece: &MoveReport) -> String {
     let mut gains = Vec::new();
     if !piece.rooms.is_empty() {
         gains.push(format!("opens {}", piece.rooms.join(", ")));

@@ -222,9 +222,6 @@ fn a_home_without_room_for_the_chair_has_a_report() {
     // Without the crates it is reached: they are named first.
     assert_eq!(report.to_move[0].piece, "crates");
     assert_eq!(report.to_move[0].surfaces, ["table/top"]);
-    let png = plan(&home, &finding).expect("a plan");
-    let html = page(report, &png).expect("a page");
-    assert!(png.starts_with(b"\x89PNG") && html.contains("data:image/png;base64,"));
 }
 
 #[test]
