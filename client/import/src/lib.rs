@@ -16,6 +16,7 @@
 #![warn(missing_docs)]
 
 pub mod archive;
+mod asset_file;
 mod build;
 mod error;
 mod fit;
@@ -44,6 +45,7 @@ pub mod xml;
 use std::collections::BTreeMap;
 use std::path::Path;
 
+pub use asset_file::AssetFileError;
 pub use build::{Imported, Joints, LeftOut, Options, Summary};
 pub use error::{ImportError, ModelError};
 pub use store::write;
