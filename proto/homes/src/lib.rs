@@ -6,7 +6,10 @@
 
 #![warn(missing_docs)]
 
+mod asset_file;
 pub mod home_places;
 pub mod home_report;
 pub mod layout;
 pub mod own_home;
+
+pub use asset_file::AssetFileError;

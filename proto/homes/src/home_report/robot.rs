@@ -10,8 +10,7 @@ use wheelarm_planning::footprint_check::Outline;
 use wheelarm_planning::reach_map::{FILE_BYTES, ReachMap, ReachMapError};
 use wheelarm_proto::exact;
 
-/// Largest `robot.toml` that is read, bytes.
-const MOST_BYTES: u64 = 1 << 20;
+use crate::asset_file::{self, AssetFileError};
 
 /// Posture of the arm while the chair drives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -74,22 +73,9 @@ pub struct RobotFacts {
 /// Why the facts of a robot cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum RobotFactsError {
-    /// A file cannot be read.
-    #[error("cannot read {path}: {source}; is the assets folder complete?")]
-    Read {
-        /// File.
-        path: PathBuf,
-        /// Cause.
-        source: std::io::Error,
-    },
-    /// `robot.toml` is malformed.
-    #[error("cannot read {path}: {source}")]
-    Toml {
-        /// File.
-        path: PathBuf,
-        /// Cause, with line and column.
-        source: Box<toml::de::Error>,
-    },
+    /// A file cannot be read, or `robot.toml` is malformed.
+    #[error(transparent)]
+    File(#[from] AssetFileError),
     /// A number is invalid.
     #[error("{path}: {what} is {found}, expected {expected}")]
     Invalid {
@@ -151,12 +137,7 @@ impl RobotFacts {
     pub fn read(assets: &Path, name: &str, posture: Posture) -> Result<Self, RobotFactsError> {
         let folder = assets.join("robots").join(name);
         let path = folder.join("robot.toml");
-        let text = read(&path, MOST_BYTES)?;
-        let text = String::from_utf8_lossy(&text);
-        let file: RobotFile = toml::from_str(&text).map_err(|source| RobotFactsError::Toml {
-            path: path.clone(),
-            source: Box::new(source),
-        })?;
+        let file: RobotFile = asset_file::table(&path)?;
         let travel = match (posture, file.travel) {
             (Posture::Home, _) => None,
             (Posture::Travel, Some(travel)) => Some(travel.outline),
@@ -204,7 +185,7 @@ impl RobotFacts {
             return Err(invalid("reach".to_owned(), found, "nearest < furthest"));
         }
         let path = folder.join("reach.bin");
-        let bytes = read(&path, FILE_BYTES as u64)?;
+        let bytes = asset_file::bytes(&path, FILE_BYTES as u64)?;
         let reach = ReachMap::from_bytes(&bytes);
         let reach = reach.map_err(|source| RobotFactsError::Reach { path, source })?;
         Ok(Self {
@@ -242,19 +223,4 @@ impl RobotFacts {
         let radii = self.outlines.iter().map(|(_, outline)| reach(outline));
         2.0 * radii.fold(0.0, f64::max)
     }
-}
-
-/// Reads a file of at most `most` bytes.
-fn read(path: &Path, most: u64) -> Result<Vec<u8>, RobotFactsError> {
-    use std::io::Read;
-    let failed = |source| RobotFactsError::Read {
-        path: path.to_owned(),
-        source,
-    };
-    let file = std::fs::File::open(path).map_err(failed)?;
-    let mut bytes = Vec::new();
-    // One byte more shows that a file is too large.
-    let mut limited = file.take(most + 1);
-    limited.read_to_end(&mut bytes).map_err(failed)?;
-    Ok(bytes)
 }

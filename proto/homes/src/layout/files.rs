@@ -1,16 +1,15 @@
 //! The data of own homes: plans, styles and sizes of furniture, in `assets/homes`.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use wheelarm_pack::MaterialEntry;
 
 use super::geometry::Side;
+use crate::asset_file::{self, AssetFileError};
 
-/// Largest file that is read, bytes.
-const MOST_BYTES: u64 = 1 << 18;
 /// Largest number of rooms of a plan.
 pub const MOST_ROOMS: usize = 12;
 
@@ -301,22 +300,9 @@ pub struct Catalog {
 /// Data of own homes that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum CatalogError {
-    /// A file or folder cannot be read.
-    #[error("cannot read {path}: {source}; is the assets folder complete?")]
-    Read {
-        /// File or folder.
-        path: PathBuf,
-        /// Cause.
-        source: std::io::Error,
-    },
-    /// A file is malformed.
-    #[error("cannot read {path}: {source}")]
-    Toml {
-        /// File.
-        path: PathBuf,
-        /// Cause, with line and column.
-        source: Box<toml::de::Error>,
-    },
+    /// A file or folder cannot be read, or a file is malformed.
+    #[error(transparent)]
+    File(#[from] AssetFileError),
     /// A value is invalid.
     #[error("{file}: {place}: {found}; {cure}")]
     Value {
@@ -351,7 +337,7 @@ impl Catalog {
         Ok(Self {
             plans: all(&folder.join("plans"))?,
             styles: all(&folder.join("styles"))?,
-            furniture: table(&folder.join("furniture.toml"))?,
+            furniture: asset_file::table(&folder.join("furniture.toml"))?,
         })
     }
 
@@ -391,7 +377,7 @@ fn unknown<'a>(
 
 /// All TOML files of a folder by their names.
 fn all<T: DeserializeOwned>(folder: &Path) -> Result<BTreeMap<String, T>, CatalogError> {
-    let failed = |source| CatalogError::Read {
+    let failed = |source| AssetFileError::Read {
         path: folder.to_owned(),
         source,
     };
@@ -401,25 +387,8 @@ fn all<T: DeserializeOwned>(folder: &Path) -> Result<BTreeMap<String, T>, Catalo
         let is_toml = path.extension().is_some_and(|ending| ending == "toml");
         let stem = path.file_stem().map(|stem| stem.to_string_lossy());
         if let (true, Some(stem)) = (is_toml, stem) {
-            tables.insert(stem.into_owned(), table(&path)?);
+            tables.insert(stem.into_owned(), asset_file::table(&path)?);
         }
     }
     Ok(tables)
-}
-
-/// A TOML file.
-fn table<T: DeserializeOwned>(path: &Path) -> Result<T, CatalogError> {
-    use std::io::Read;
-    let failed = |source| CatalogError::Read {
-        path: path.to_owned(),
-        source,
-    };
-    let file = std::fs::File::open(path).map_err(failed)?;
-    let mut text = String::new();
-    let mut limited = file.take(MOST_BYTES);
-    limited.read_to_string(&mut text).map_err(failed)?;
-    toml::from_str(&text).map_err(|source| CatalogError::Toml {
-        path: path.to_owned(),
-        source: Box::new(source),
-    })
 }
