@@ -216,7 +216,7 @@ fn scene_of(assets: &Path, packs: &PackStore, request: &v1::Scenario) -> anyhow:
 }
 
 fn scene(assets: &Path, scenario: &Scenario) -> anyhow::Result<Scene> {
-    let objects = &scenario.object_packs;
+    let objects = (&scenario.object_packs[..], scenario.object_split);
     let scene = load_scene(assets, &scenario.scene, &scenario.pack, objects)?;
     Ok(scene)
 }

@@ -156,6 +156,7 @@ pub fn rejected_field(scenario: &v1::Scenario) -> Option<(&'static str, &'static
         draws: _,
         layout_seed: _,
         home_style: _,
+        object_split: _,
     } = scenario;
     [
         ("task", task.is_some(), "list tasks in [[task]]"),
@@ -466,6 +467,7 @@ fn take_images_and_rates(scenario: &mut v1::Scenario) -> [String; 7] {
         draws: _,
         layout_seed: _,
         home_style: _,
+        object_split: _,
     } = scenario;
     cameras.clear();
     *quality = v1::RenderQuality::Unspecified.into();

@@ -258,6 +258,7 @@ fn list(store: &Store) -> anyhow::Result<String> {
     let mut text = String::new();
     for (name, path) in store.candidates() {
         match Pack::open(&path) {
+            Ok(pack) if pack.manifest().hidden => {}
             Ok(pack) => {
                 let Some(home) = pack.home() else {
                     continue;
@@ -270,10 +271,15 @@ fn list(store: &Store) -> anyhow::Result<String> {
                     .sum();
                 writeln!(
                     text,
-                    "{name}  {} rooms, {} pieces, {surfaces} surfaces, licence {}  {}",
+                    "{name}  {} rooms, {} pieces, {surfaces} surfaces, licence {}{}  {}",
                     home.room.len(),
                     home.piece.len(),
                     home.license,
+                    if pack.manifest().held_out {
+                        ", held out"
+                    } else {
+                        ""
+                    },
                     path.display()
                 )?;
             }

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Unit, UnitQuaternion, Vector3};
 use wheelarm_pack::Pack;
 use wheelarm_proto::furniture::JointMotion;
+use wheelarm_proto::settings::ObjectSplit;
 
 use super::error::{Place, SceneError};
 use super::file::{
@@ -64,6 +65,7 @@ impl Scene {
             files: Vec::new(),
             pack: pack.cloned(),
             object_packs: Vec::new(),
+            object_split: ObjectSplit::default(),
         };
         let mut entries: BTreeMap<&str, &FurnitureEntry> = BTreeMap::new();
         for entry in &file.furniture {

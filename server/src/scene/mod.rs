@@ -32,6 +32,7 @@ use std::sync::Arc;
 use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};
 use wheelarm_pack::Pack;
 use wheelarm_proto::furniture::JointMotion;
+use wheelarm_proto::settings::ObjectSplit;
 
 use crate::geometry::{Part, Visual};
 
@@ -62,6 +63,8 @@ pub struct Scene {
     pub pack: Option<Arc<Pack>>,
     /// Further packs, whose objects are part of the stock of tasks.
     pub object_packs: Vec<Arc<Pack>>,
+    /// Objects of the stock that tasks place.
+    pub object_split: ObjectSplit,
 }
 
 /// A body of the scene.

@@ -1,7 +1,7 @@
 //! `Scenario`: the complete specification of a simulation.
 
 use nalgebra::Isometry3;
-use wheelarm_proto::settings::Style;
+use wheelarm_proto::settings::{ObjectSplit, Style};
 use wheelarm_proto::{CONTROL_HZ, PHYSICS_HZ, defaults, limits};
 
 use crate::appearance::Appearance;
@@ -135,6 +135,8 @@ pub struct Scenario {
     pub home_style: String,
     /// Further packs, whose objects are part of the stock of tasks.
     pub object_packs: Vec<ObjectPack>,
+    /// Objects that tasks of every home place.
+    pub object_split: ObjectSplit,
     /// Rules of sampling; `None`: those of the scene.
     pub draws: Option<SamplingRules>,
     /// Requested values that the simulation has replaced. Resampling starts from these.
@@ -201,6 +203,7 @@ impl Default for Scenario {
             layout_seed: None,
             home_style: String::new(),
             object_packs: Vec::new(),
+            object_split: ObjectSplit::default(),
             draws: None,
             requested: Requested::default(),
         }
@@ -345,6 +348,7 @@ impl Scenario {
             layout_seed: _,
             home_style: _,
             object_packs: _,
+            object_split: _,
         } = self;
         objects.clear();
         slides.clear();
@@ -411,6 +415,7 @@ impl Scenario {
             layout_seed: _,
             home_style: _,
             object_packs,
+            object_split,
         } = self;
         let sampled =
             |person: &Option<PersonSetting>| person.as_ref().and_then(|p| p.drawn.clone());
@@ -421,6 +426,7 @@ impl Scenario {
             && *scene == other.scene
             && *pack == other.pack
             && *object_packs == other.object_packs
+            && *object_split == other.object_split
             && *robot == other.robot
             && *task == other.task
             && *quality == other.quality

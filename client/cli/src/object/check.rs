@@ -196,6 +196,7 @@ fn judged(
             yaw_deg: 20.0,
             rooms: None,
             scenery: false,
+            held_out: false,
             trials: None,
         });
     stock.trials = trials;

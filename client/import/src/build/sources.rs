@@ -80,6 +80,8 @@ pub(super) fn manifest(
         format: FORMAT,
         name: options.name.clone(),
         version: "1".into(),
+        held_out: false,
+        hidden: false,
         source: all,
     }
 }

@@ -336,6 +336,7 @@ fn stock(colour: &str, size: &[f64; 3], grasps: &Grasps, category: &Category) ->
         yaw_deg: grasps.yaw_deg,
         rooms: category.rooms.clone(),
         scenery: grasps.kept.is_empty(),
+        held_out: false,
         trials: None,
     }
 }

@@ -147,6 +147,8 @@ pub fn with_object(
             format: FORMAT,
             name: pack_name.to_owned(),
             version: "1".to_owned(),
+            held_out: false,
+            hidden: false,
             source: Vec::new(),
         },
     };

@@ -215,6 +215,8 @@ pub fn compose(order: &Order<'_>, layout: &Layout) -> Tables {
             format: FORMAT,
             name: order.name.to_owned(),
             version: "1".to_owned(),
+            held_out: plan.held_out || style.held_out,
+            hidden: false,
             source: vec![SourceEntry {
                 of: "home".to_owned(),
                 author: AUTHOR.to_owned(),

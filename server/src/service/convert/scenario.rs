@@ -6,7 +6,7 @@ use wheelarm_homes::own_home::{DEFAULT_STYLE, OwnHomeId};
 use wheelarm_proto::check::{self, Invalid};
 use wheelarm_proto::geometry::{isometry, pose};
 use wheelarm_proto::settings::MAX_SENSOR_STRENGTH;
-use wheelarm_proto::settings::{Named, Style};
+use wheelarm_proto::settings::{Named, ObjectSplit, Style};
 use wheelarm_proto::{defaults, v1};
 use wheelarm_sensor_models::model::MAX_STRENGTH;
 
@@ -107,6 +107,7 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
         draws: s.draws.map(SamplingRules::number),
         layout_seed: s.layout_seed,
         home_style: s.home_style.clone(),
+        object_split: s.object_split.name().to_owned(),
     }
 }
 
@@ -346,6 +347,7 @@ pub fn scenario_over(now: &Scenario, request: &v1::Scenario) -> Result<Scenario,
         draws,
         layout_seed,
         home_style,
+        object_split,
     } = request;
     bounded(request)?;
     let mut s = now.clone();
@@ -362,8 +364,20 @@ pub fn scenario_over(now: &Scenario, request: &v1::Scenario) -> Result<Scenario,
     let changes_variant = variant.is_some() && *variant != now.variant;
     let rules = draws.map(sampling_rules).transpose()?;
     let changes_rules = rules.is_some() && rules != now.draws;
-    let resamples =
-        task.is_some() || seed.is_some() || moves_start || changes_variant || changes_rules;
+    let split = match object_split.as_str() {
+        "" => now.object_split,
+        split => ObjectSplit::from_name(split).map_err(|_| Invalid::Word {
+            what: "object_split",
+            value: check::beginning(split),
+            expected: "any, train or held_out",
+        })?,
+    };
+    let resamples = task.is_some()
+        || seed.is_some()
+        || moves_start
+        || changes_variant
+        || changes_rules
+        || split != now.object_split;
     let of_scene = if scene.is_empty() { &now.scene } else { scene };
     let own_home = own_home(now, of_scene, *layout_seed, home_style)?;
     let of_scene = &match &own_home {
@@ -393,6 +407,7 @@ pub fn scenario_over(now: &Scenario, request: &v1::Scenario) -> Result<Scenario,
         None => (None, String::new()),
     };
     s.object_packs = object_packs;
+    s.object_split = split;
     if s.scene != now.scene && task.is_none() {
         // The task in force belongs to the former scene.
         s.task.clear();

@@ -14,6 +14,7 @@ mod soft;
 use std::path::Path;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
+use wheelarm_proto::settings::ObjectSplit;
 
 use super::World;
 use crate::geometry::{Part, Shape};
@@ -106,6 +107,7 @@ fn scene(furniture: Vec<Body>, objects: Vec<Body>) -> (Scene, Vec<Placement>) {
         name: "laws".into(),
         pack: None,
         object_packs: Vec::new(),
+        object_split: ObjectSplit::default(),
         furniture,
         objects,
         surfaces: Vec::new(),
