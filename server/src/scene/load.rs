@@ -150,6 +150,7 @@ impl Scene {
                 own => own.to_owned(),
             },
             colour: String::new(),
+            noun: String::new(),
             pose,
             mass: None,
             friction: place.key("friction").within(

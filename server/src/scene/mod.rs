@@ -79,6 +79,8 @@ pub struct Body {
     pub category: String,
     /// Its colour in one word; may be empty.
     pub colour: String,
+    /// Its own noun in sentences, of an object of a pack; may be empty.
+    pub noun: String,
     /// world_from_body; for objects the default pose.
     pub pose: Isometry3<f64>,
     /// Mass properties; `None` for fixed bodies.

@@ -38,6 +38,7 @@ use wheelarm_proto::installed;
 
 use crate::adapters::AdapterArgs;
 use crate::worker_mode::WorkerMode;
+use crate::worlds::tasks_of_homes;
 use attempt::Setup;
 use capacity::{Host, PIPELINES, free_disk, is_memory, worker_bytes};
 use episode::{Episode, Shard, episodes};
@@ -52,7 +53,7 @@ use slot::Slot;
 use stop::Stop;
 use wheelarm_options::choice::{named, patience};
 use wheelarm_options::packs::PackArgs;
-use wheelarm_rollout::launcher::{TaskSources, tasks_of_program};
+use wheelarm_rollout::launcher::TaskSources;
 
 pub use plan::PlanError;
 
@@ -347,12 +348,14 @@ fn unknown_tasks(
         .map(|pack| pack.name.clone())
         .filter(|name| *name != plan.scenario().scene)
         .collect();
-    let listed = tasks_of_program(TaskSources {
+    let sources = TaskSources {
         assets,
         packs,
         scene: &plan.scenario().scene,
         objects: &objects,
-    })?;
+    };
+    let wanted: Vec<&str> = plan.tasks.iter().map(|task| task.name.as_str()).collect();
+    let listed = tasks_of_homes(sources, &plan.variation.homes, &wanted)?;
     let known: BTreeSet<&str> = listed.iter().map(|task| task.name.as_str()).collect();
     let unknown = plan
         .tasks

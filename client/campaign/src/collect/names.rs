@@ -3,6 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
+use wheelarm_homes::own_home::OwnHomeId;
 use wheelarm_pack::Store as PackStore;
 use wheelarm_proto::person::NO_PERSON;
 
@@ -31,14 +32,19 @@ pub fn unknown(path: &Path, plan: &Plan, assets: &Path, packs: &[PathBuf]) -> Op
     if !scenes.is_empty() {
         scenes.extend(PackStore::search(packs, assets).names());
     }
-    let mut all = vec![
-        named("scene", &plan.scenario().scene, scenes),
-        named(
-            "robot",
-            &plan.scenario().robot,
-            folders(assets, "robots", "robot.toml"),
-        ),
-    ];
+    let mut all: Vec<Named<'_>> = plan
+        .variation
+        .homes
+        .iter()
+        .chain([&plan.scenario().scene])
+        .filter(|name| !is_own_home(assets, name, plan.scenario().layout_seed))
+        .map(|name| named("scene", name, scenes.clone()))
+        .collect();
+    all.push(named(
+        "robot",
+        &plan.scenario().robot,
+        folders(assets, "robots", "robot.toml"),
+    ));
     let cameras = cameras(assets, &plan.scenario().robot);
     for camera in &plan.scenario().cameras {
         all.push(named("camera", &camera.name, cameras.clone()));
@@ -71,6 +77,13 @@ pub fn unknown(path: &Path, plan: &Plan, assets: &Path, packs: &[PathBuf]) -> Op
             unknown.known.join(", ")
         )
     })
+}
+
+/// Whether a server makes a scene as an own home.
+fn is_own_home(assets: &Path, scene: &str, layout_seed: Option<u64>) -> bool {
+    let of_plan = layout_seed.map(|seed| OwnHomeId::of_scene(scene, "", seed));
+    let id = OwnHomeId::from_name(scene).or(of_plan);
+    id.is_some_and(|id| id.is_of(assets))
 }
 
 /// The first line of a plan that contains `name` as a string.

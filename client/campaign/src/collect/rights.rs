@@ -1,9 +1,10 @@
-//! Licenses of the world packs of a plan, checked before any episode is made.
+//! Licenses and splits of the world packs of a plan, checked before any episode is made.
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use wheelarm_pack::Store;
+use wheelarm_proto::seeds::Purpose;
 
 use super::plan::Plan;
 
@@ -13,8 +14,8 @@ use super::plan::Plan;
 /// assets has no pack.
 ///
 /// # Errors
-/// When the plan has `licence = "commercial"` and a part of a pack does not permit it, or
-/// when a pack is not valid.
+/// When the plan has `licence = "commercial"` and a part of a pack does not permit it, when the
+/// plan is for training and a pack is held out for tests, or when a pack is not valid.
 pub fn check(
     path: &Path,
     plan: &Plan,
@@ -28,11 +29,20 @@ pub fn check(
     });
     let further = plan.scenario().packs.iter().map(|pack| &pack.name);
     let further = further.filter(|name| *name != scene);
+    let further = further.chain(&plan.variation.homes);
     let mut problems = Vec::new();
     for name in of_scene.into_iter().chain(further) {
         let pack = Store::search(packs, assets).open(name);
         let pack = pack.with_context(|| format!("the pack {name:?} cannot be used"))?;
-        let Some(Err(problem)) = pack.map(|pack| pack.check_commercial()) else {
+        let Some(pack) = pack else { continue };
+        if pack.manifest().held_out && plan.purpose == Purpose::Train {
+            bail!(
+                "{}: the pack {name:?} is held out for tests, and the plan is for training; name \
+                 another pack, or use a purpose of tests",
+                path.display()
+            );
+        }
+        let Err(problem) = pack.check_commercial() else {
             continue;
         };
         if plan.commercial {
@@ -93,6 +103,11 @@ mod tests {
                 );
             }
         }
+        let folder = packs("pack.toml", "format = 1", "format = 1\nheld_out = true");
+        let train = PLAN.replace("\"x\"", "\"x\"\nfirst_seed = 10000");
+        let refused = check(train, folder.path()).unwrap_err().to_string();
+        assert!(refused.contains("held out for tests"), "{refused}");
+        assert_eq!(check(PLAN.to_owned(), folder.path()).unwrap(), None);
         // A scene of the assets has no pack.
         let home = commercial.replace("\"flat\"", "\"home\"");
         assert_eq!(check(home, Path::new("nowhere")).unwrap(), None);

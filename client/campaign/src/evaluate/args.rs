@@ -194,6 +194,15 @@ impl EvaluateArgs {
             ));
         }
         let shared = &mut scope.variation.scenario;
+        // Results name them, so that those of other objects are not counted together.
+        shared.packs = self.objects.refs();
+        if self.robot != defaults::ROBOT {
+            shared.robot.clone_from(&self.robot);
+        }
+        match (scope.variation.homes.is_empty(), self.scene.as_str()) {
+            (true, defaults::SCENE) | (false, _) => {}
+            (true, scene) => scene.clone_into(&mut shared.scene),
+        }
         if self.style != Style::default() {
             shared.style = Some(self.style.name().to_owned());
         }
@@ -258,8 +267,10 @@ impl EvaluateArgs {
         cameras: Vec<v1::CameraSetting>,
     ) -> v1::Scenario {
         let shared = job.map(|job| job.variation.for_episode(job.seed));
+        let own_scene = shared.as_ref().map(|shared| shared.scene.clone());
+        let own_scene = own_scene.filter(|scene| !scene.is_empty());
         v1::Scenario {
-            scene: self.scene.clone(),
+            scene: own_scene.unwrap_or_else(|| self.scene.clone()),
             robot: self.robot.clone(),
             task: Some(job.map(|job| job.task.clone()).unwrap_or_default()),
             seed: Some(job.map_or(0, |job| job.seed)),

@@ -32,7 +32,14 @@ impl Job {
     /// Settings of its scenario beside task and seed, as one line; empty for the defaults.
     #[must_use]
     pub fn settings(&self) -> String {
-        self.variation.words(0).trim_start().to_owned()
+        let [scene, robot, ..] = self.variation.images_and_rates();
+        let mut words = self.variation.words(0);
+        for (name, value) in [("scene", scene), ("robot", robot)] {
+            if !value.is_empty() {
+                words.push_str(&format!(" {name}={value}"));
+            }
+        }
+        words.trim_start().to_owned()
     }
 }
 
@@ -226,6 +233,34 @@ impl Entry {
 mod tests {
     use super::*;
     use crate::earlier_logs::resumed;
+
+    #[test]
+    fn results_name_scene_robot_and_packs_of_objects() {
+        let job = |scenario| Job {
+            task: "take_anything".to_owned(),
+            seed: 3,
+            variation: Variation {
+                scenario,
+                ..Variation::default()
+            },
+            policy: String::new(),
+            policy_files: String::new(),
+        };
+        assert_eq!(job(v1::Scenario::default()).settings(), "");
+        let settings = job(v1::Scenario {
+            scene: "studio-nordic-3".to_owned(),
+            robot: "wheelarm_wide".to_owned(),
+            packs: vec![v1::PackRef {
+                name: "care".to_owned(),
+                ..v1::PackRef::default()
+            }],
+            ..v1::Scenario::default()
+        })
+        .settings();
+        for word in ["care", "scene=studio-nordic-3", "robot=wheelarm_wide"] {
+            assert!(settings.contains(word), "{settings}");
+        }
+    }
 
     #[test]
     fn results_of_earlier_versions_are_read_and_resumed() {

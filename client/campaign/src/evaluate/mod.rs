@@ -31,11 +31,12 @@ use wheelarm_proto::v1;
 use wheelarm_rollout::EpisodeLog;
 
 use crate::policy_options::{Choice, DriverChoice, Start, files};
+use crate::worlds::tasks_of_homes;
 use entry::Job;
 use report::Report;
 use runner::Runner;
 use scope::Scope;
-use wheelarm_rollout::launcher::{TaskSources, refusal_of_program, tasks_of_program};
+use wheelarm_rollout::launcher::{TaskSources, refusal_of_program};
 
 pub use args::EvaluateArgs;
 pub use entry::Entry;
@@ -56,7 +57,7 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("making the folder {}", args.out.display()))?;
     let scope = args.scope()?;
-    let tasks = tasks(args, scope.layout)?;
+    let tasks = tasks(args, scope.layout, &scope.variation.homes)?;
     let driver = DriverChoice::start(
         &args.policy,
         &Start {
@@ -211,14 +212,18 @@ fn skipped(args: &EvaluateArgs, done: &[&Entry], wanted: usize) -> String {
 
 /// Names of the tasks to run. With the axis `layout`, `all` means the tasks that have several
 /// layouts.
-fn tasks(args: &EvaluateArgs, layout: bool) -> anyhow::Result<Vec<String>> {
+fn tasks(args: &EvaluateArgs, layout: bool, homes: &[String]) -> anyhow::Result<Vec<String>> {
     let sources = TaskSources {
         assets: args.assets.as_deref(),
         packs: &args.packs.packs,
         scene: &args.scene,
         objects: &args.objects.objects,
     };
-    let listed = tasks_of_program(sources)?;
+    let named = match args.task.as_str() {
+        "all" => Vec::new(),
+        list => each_once(list)?,
+    };
+    let listed = tasks_of_homes(sources, homes, &named)?;
     let (several, one): (Vec<_>, Vec<_>) = listed.iter().partition(|task| task.variants.len() > 1);
     let names = |tasks: Vec<&v1::TaskInfo>| {
         let names = tasks.into_iter().map(|task| task.name.clone());

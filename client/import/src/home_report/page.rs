@@ -7,7 +7,9 @@ use base64::engine::general_purpose::STANDARD;
 
 use wheelarm_homes::home_report::HomeReport;
 use wheelarm_homes::home_report::rooms::DIN_TURNING;
-use wheelarm_homes::home_report::text::{advice, door_words, move_words, room_words, surface_name, surface_words};
+use wheelarm_homes::home_report::text::{
+    advice, door_words, move_words, room_words, surface_name, surface_words,
+};
 
 const STYLE: &str = "body{font:11pt/1.4 sans-serif;max-width:60em;margin:2em auto;padding:0 1em;color:#222}\
 h1{font-size:1.5em}h2{font-size:1.15em;margin-top:1.6em}table{border-collapse:collapse;width:100%}\

@@ -645,10 +645,16 @@ mod tests {
         let home = in_force();
         let studio = over(&home, "studio", Some(3), "country").unwrap();
         assert_eq!(studio.scene, "studio-country-3");
-        assert_eq!((studio.layout_seed, &*studio.home_style), (Some(3), "country"));
+        assert_eq!(
+            (studio.layout_seed, &*studio.home_style),
+            (Some(3), "country")
+        );
         assert!(studio.objects.is_empty());
         // The reply is a request for the same home.
-        assert_eq!(scenario_over(&studio, &scenario(&studio)), Ok(studio.clone()));
+        assert_eq!(
+            scenario_over(&studio, &scenario(&studio)),
+            Ok(studio.clone())
+        );
         assert_eq!(
             scenario_over(&home, &scenario(&studio)).unwrap().scene,
             studio.scene

@@ -44,6 +44,7 @@ fn body(name: &str, pose: Isometry3<f64>, friction: f64, shape: Shape) -> Body {
         area: String::new(),
         category: String::new(),
         colour: String::new(),
+        noun: String::new(),
         pose,
         mass: None,
         friction,

@@ -213,7 +213,7 @@ const CLIENTS: [(&str, &[&str]); 14] = [
     (
         "client/campaign",
         &[
-            "dataset", "expert", "options", "pack", "policy", "proto", "rollout", "sdk",
+            "dataset", "expert", "homes", "options", "pack", "policy", "proto", "rollout", "sdk",
         ],
     ),
     (

@@ -94,7 +94,7 @@ impl Plan {
             .variation
             .checked(file.scenario)
             .map_err(|m| check.at(m))?;
-        let variation = Variation {
+        let mut variation = Variation {
             scenario: with_defaults(variation.scenario),
             ..variation
         };
@@ -102,6 +102,7 @@ impl Plan {
         let purpose = check.purpose(&tasks, file.purpose, *file.attempts.get_ref())?;
         check.name(&file.name)?;
         check.apart(purpose, variation.language.as_ref())?;
+        check.worlds(purpose, &mut variation)?;
         check.sensors(&variation.scenario.sensors, &variation.scenario.cameras)?;
         check.that(*file.attempts.get_ref() > 0, &file.attempts, || {
             "attempts is 0; at least 1 is needed".to_owned()
@@ -288,6 +289,37 @@ mod tests {
             check("[[scenario.sensors]]\nmodel = \"chair_stereo\"\ncamera = \"wheelchair\"")
                 .unwrap_err();
         assert!(blind.contains("its cameras are gen3"), "{blind}");
+    }
+
+    #[test]
+    fn training_plan_takes_seen_worlds_only() {
+        let check = |more: &str| {
+            let text = GOOD.replace(
+                "[[scenario.cameras]]",
+                &format!("{more}\n[[scenario.cameras]]"),
+            );
+            parse(&text).map_err(|e| e.to_string())
+        };
+        let train = "purpose = \"train\"\nfirst_seed = 10000\n";
+        let seen = check(&format!("{train}[variation]\nhomes = \"seen\"")).unwrap();
+        assert!(seen.variation.homes.len() > 20);
+        assert_eq!(seen.scenario().object_split, "train");
+        let tests = check("[variation]\nhomes = \"unseen\"").unwrap();
+        assert_eq!(tests.scenario().object_split, "");
+        for (more, words) in [
+            ("[variation]\nhomes = \"unseen\"", "kept for tests"),
+            (
+                "[variation]\nhomes = [\"studio-nordic-1\", \"loft-nordic-1\"]",
+                "loft",
+            ),
+            ("scenario.scene = \"studio-modern-1\"", "modern"),
+            ("scenario.object_split = \"any\"", "object_split"),
+        ] {
+            let error = check(&format!("{train}{more}")).unwrap_err();
+            assert!(error.contains(words), "{more}: {error}");
+        }
+        let both = "[variation]\nhomes = \"seen\"\n[scenario]\nscene = \"home\"";
+        assert!(check(both).unwrap_err().contains("exclude each other"));
     }
 
     #[test]
