@@ -14,7 +14,7 @@ their kind, their place relative to the others and to the chair, mass and fricti
 mean of one over the number of objects.
 
 Usage: guess_task.py --server PROGRAM --assets DIR [--seeds N] [--starts near]
-       guess_task.py --server PROGRAM --assets DIR --homes [seen|unseen|HOME,HOME] [--seeds N]
+       guess_task.py --server PROGRAM --assets DIR --homes [train|held_out|HOME,HOME] [--seeds N]
        guess_task.py --before tests/data/draws-before.csv.gz
 """
 
@@ -174,7 +174,7 @@ def candidates(row, kinds):
 
 def worlds(args):
     """Guesses the target among the objects of scenes in many homes."""
-    if args.homes in ("seen", "unseen"):
+    if args.homes in ("train", "held_out"):
         split = pathlib.Path(args.assets) / "splits/worlds/worlds-1.toml"
         homes = tomllib.loads(split.read_text())[args.homes]["homes"]
     else:
@@ -185,6 +185,9 @@ def worlds(args):
         base = [args.server, "--assets", args.assets, *packs, "--scene", home]
         listed = subprocess.run([*base, "--list-tasks", "--json"], check=True, capture_output=True).stdout
         for task in json.loads(listed):
+            # Tasks of an area belong to another home.
+            if task["area"]:
+                continue
             first = 10_000 + index * args.seeds
             command = [*base, "--task", task["name"], "--starts", args.starts,
                        "--draws", f"{first}..{first + args.seeds}"]

@@ -10,14 +10,14 @@ use sha2::{Digest, Sha256};
 ///
 /// # Errors
 /// When its content has another hash, or none is stated, with the fix.
-pub fn check(path: &Path, text: &str, frozen: Option<&str>) -> anyhow::Result<String> {
+pub fn check(path: &Path, text: &str, frozen: Option<&str>) -> anyhow::Result<()> {
     let hash = hash(text)?;
     match frozen {
         Some(frozen) if frozen != hash => bail!(
             "{}: the split was frozen as {frozen}, and its content now has {hash}; a frozen split is never changed: undo the change, or give it a file name of its own",
             path.display()
         ),
-        Some(_) => Ok(hash),
+        Some(_) => Ok(()),
         None => bail!(
             "{}: it is not frozen; when it is final, add the line frozen = \"{hash}\"",
             path.display()

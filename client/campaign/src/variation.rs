@@ -12,7 +12,7 @@ use sha2::{Digest, Sha256};
 use toml::Spanned;
 use wheelarm_expert::forced::ForcedError;
 use wheelarm_proto::appearance::AppearanceText;
-use wheelarm_proto::seeds::Purpose;
+use wheelarm_proto::seeds::{ATTEMPT_STRIDE, Purpose};
 use wheelarm_proto::settings::{MAX_SENSOR_STRENGTH, Named, Quality, Starts, Style};
 use wheelarm_proto::{CONTROL_HZ, PHYSICS_HZ, defaults, limits, v1};
 
@@ -338,7 +338,9 @@ impl Variation {
 
     /// The home of an episode; `None` without a list. Seeds take the homes in turn.
     fn home(&self, seed: EpisodeSeed) -> Option<&str> {
-        let turn = seed.scene.checked_rem(self.homes.len() as u64)?;
+        // A further attempt takes another one: the task may not be offered in the first.
+        let turn = seed.scene.wrapping_add(seed.scene / ATTEMPT_STRIDE);
+        let turn = turn.checked_rem(self.homes.len() as u64)?;
         let home = self.homes.get(usize::try_from(turn).ok()?);
         home.map(String::as_str)
     }
@@ -545,7 +547,7 @@ mod tests {
             homes: homes.map(str::to_owned).to_vec(),
             ..Variation::default()
         };
-        let scenes: Vec<String> = (9..15)
+        let scenes: Vec<String> = (9..15_u64)
             .map(|seed| variation.for_episode(seed).scene)
             .collect();
         assert_eq!(scenes, [homes, homes].concat());

@@ -26,9 +26,9 @@ pub const SHIPPED: &str = "assets/splits/worlds/worlds-1.toml";
 pub struct Worlds {
     frozen: Option<String>,
     /// For training and for tests of other seeds.
-    pub seen: Side,
+    pub train: Side,
     /// For tests alone.
-    pub unseen: Side,
+    pub held_out: Side,
 }
 
 /// One side.
@@ -43,7 +43,7 @@ pub struct Side {
     pub styles: Vec<String>,
     /// Categories of objects.
     pub categories: Vec<String>,
-    /// Kinds of objects; of the seen side all others.
+    /// Kinds of objects; of the side of training all others.
     #[serde(default)]
     pub objects: Vec<String>,
     /// Templates and names of sentences.
@@ -63,7 +63,7 @@ fn named<'de, T: Named, D: Deserializer<'de>>(from: D) -> Result<T, D::Error> {
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(untagged)]
 pub enum HomesFile {
-    /// `seen` or `unseen`.
+    /// `train` or `held_out`.
     Side(String),
     /// Names of scenes.
     List(Vec<String>),
@@ -80,11 +80,11 @@ impl HomesFile {
             Self::Side(side) => {
                 let worlds = Worlds::shipped().map_err(|error| format!("{error:#}"))?;
                 match side.as_str() {
-                    "seen" => worlds.seen.homes,
-                    "unseen" => worlds.unseen.homes,
+                    "train" => worlds.train.homes,
+                    "held_out" => worlds.held_out.homes,
                     _ => {
                         return Err(format!(
-                            "homes = {side:?} is no side of {SHIPPED}; write \"seen\", \"unseen\" or a list of homes"
+                            "homes = {side:?} is not a side of {SHIPPED}; write \"train\", \"held_out\" or a list of homes"
                         ));
                     }
                 }
@@ -131,49 +131,49 @@ impl Worlds {
 
     /// Why a home is kept for tests; `None` when training may use it.
     #[must_use]
-    pub fn unseen_home(&self, scene: &str, style: &str) -> Option<String> {
-        let unseen = &self.unseen;
+    pub fn held_out_home(&self, scene: &str, style: &str) -> Option<String> {
+        let held_out = &self.held_out;
         let id = OwnHomeId::from_name(scene);
-        let plan = id.as_ref().map_or(scene, |id| &id.plan);
-        let style = id.as_ref().map_or(style, |id| &id.style);
+        let plan = id.as_ref().map_or(scene, |id| id.plan.as_str());
+        let style = id.as_ref().map_or(style, |id| id.style.as_str());
         let has = |list: &[String], name: &str| list.iter().any(|known| known == name);
-        if has(&unseen.plans, plan) {
+        if has(&held_out.plans, plan) {
             return Some(format!("the home {scene:?} is of the plan {plan:?}"));
         }
-        if has(&unseen.styles, style) {
+        if has(&held_out.styles, style) {
             return Some(format!("the home {scene:?} is of the style {style:?}"));
         }
-        has(&unseen.homes, scene).then(|| format!("the home {scene:?}"))
+        has(&held_out.homes, scene).then(|| format!("the home {scene:?}"))
     }
 
     /// Whether an object is kept for tests, by its kind: its name up to `-`, or without a number.
     #[must_use]
-    pub fn is_unseen_object(&self, name: &str) -> bool {
+    pub fn is_held_out_object(&self, name: &str) -> bool {
         let kind = name.split_once('-').map_or(name, |(kind, _)| kind);
         let number = kind.rsplit_once('_').filter(|(_, number)| {
             !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit())
         });
         let plain = number.map_or(kind, |(plain, _)| plain);
-        let all = &self.unseen.objects;
+        let all = &self.held_out.objects;
         all.iter().any(|known| known == kind || known == plain)
     }
 
     /// What of a scenario is kept for tests; `None` when training may use all of it.
     #[must_use]
-    pub fn unseen_part(&self, scenario: &v1::Scenario) -> Option<String> {
-        if let Some(home) = self.unseen_home(&scenario.scene, &scenario.home_style) {
+    pub fn held_out_part(&self, scenario: &v1::Scenario) -> Option<String> {
+        if let Some(home) = self.held_out_home(&scenario.scene, &scenario.home_style) {
             return Some(home);
         }
         let mut objects = scenario.objects.iter().map(|object| &object.name);
-        if let Some(name) = objects.find(|name| self.is_unseen_object(name)) {
+        if let Some(name) = objects.find(|name| self.is_held_out_object(name)) {
             return Some(format!("the object {name:?}"));
         }
         let split = scenario.language.as_ref().map(v1::Language::split);
-        if split.is_some_and(|split| split == self.unseen.sentences.code()) {
+        if split.is_some_and(|split| split == self.held_out.sentences.code()) {
             return Some("a sentence of held-out words".to_owned());
         }
         let appearance = scenario.appearance.as_ref();
-        let look = appearance.filter(|look| Purpose::of_seed(look.seed) == self.unseen.looks);
+        let look = appearance.filter(|look| Purpose::of_seed(look.seed) == self.held_out.looks);
         look.map(|look| format!("the visual randomization of seed {}", look.seed))
     }
 
@@ -182,7 +182,7 @@ impl Worlds {
     /// # Errors
     /// With the fix.
     pub fn check_training(&self, scenario: &v1::Scenario) -> Result<(), String> {
-        match self.unseen_part(scenario) {
+        match self.held_out_part(scenario) {
             None => Ok(()),
             Some(part) => Err(format!(
                 "{part} is kept for tests ({SHIPPED}), and this is data for training; {FIX}"
@@ -195,7 +195,7 @@ impl Worlds {
     /// # Errors
     /// With the fix.
     pub fn check_training_homes(&self, homes: &[String]) -> Result<(), String> {
-        match homes.iter().find_map(|home| self.unseen_home(home, "")) {
+        match homes.iter().find_map(|home| self.held_out_home(home, "")) {
             None => Ok(()),
             Some(part) => Err(format!(
                 "{part} is kept for tests ({SHIPPED}), and this is data for training; {FIX}"
@@ -204,14 +204,14 @@ impl Worlds {
     }
 
     /// Rejects homes of a test of which only some are kept for tests: their mean would be
-    /// neither a result for seen homes nor one for unseen ones.
+    /// neither a result for homes of training nor one for others.
     ///
     /// # Errors
     /// With the fix.
     pub fn check_one_side(&self, homes: &[String]) -> anyhow::Result<()> {
-        let is_unseen = |home: &&String| self.unseen_home(home, "").is_some();
-        let (unseen, seen): (Vec<_>, Vec<_>) = homes.iter().partition(is_unseen);
-        if let (Some(one), Some(other)) = (unseen.first(), seen.first()) {
+        let is_held_out = |home: &&String| self.held_out_home(home, "").is_some();
+        let (held_out, others): (Vec<_>, Vec<_>) = homes.iter().partition(is_held_out);
+        if let (Some(one), Some(other)) = (held_out.first(), others.first()) {
             bail!(
                 "homes mixes {one:?}, which is kept for tests, with {other:?}, which training may use; make two splits and report them separately"
             );
@@ -249,7 +249,7 @@ pub(crate) fn tasks_of_homes(
 }
 
 /// How to correct data for training.
-const FIX: &str = "use homes = \"seen\" of [variation], other objects, split = \"train\" of [variation.language], or a purpose of tests";
+const FIX: &str = "use homes = \"train\" of [variation], other objects, split = \"train\" of [variation.language], or a purpose of tests";
 
 #[cfg(test)]
 mod tests {
@@ -263,21 +263,21 @@ mod tests {
     #[test]
     fn sides_are_frozen_disjoint_and_agree_with_the_data() {
         let worlds = Worlds::shipped().unwrap_or_else(|error| panic!("{error:#}"));
-        let (seen, unseen) = (&worlds.seen, &worlds.unseen);
+        let (train, held_out) = (&worlds.train, &worlds.held_out);
         for (one, other) in [
-            (&seen.homes, &unseen.homes),
-            (&seen.plans, &unseen.plans),
-            (&seen.styles, &unseen.styles),
-            (&seen.categories, &unseen.categories),
+            (&train.homes, &held_out.homes),
+            (&train.plans, &held_out.plans),
+            (&train.styles, &held_out.styles),
+            (&train.categories, &held_out.categories),
         ] {
             assert!(!one.is_empty() && !other.is_empty());
             assert!(one.iter().all(|name| !other.contains(name)), "{one:?}");
         }
-        assert_ne!(seen.sentences, unseen.sentences);
-        assert_ne!(seen.looks, unseen.looks);
-        assert_eq!(worlds.check_training_homes(&seen.homes), Ok(()));
-        for home in &unseen.homes {
-            assert!(worlds.unseen_home(home, "").is_some(), "{home}");
+        assert_ne!(train.sentences, held_out.sentences);
+        assert_ne!(train.looks, held_out.looks);
+        assert_eq!(worlds.check_training_homes(&train.homes), Ok(()));
+        for home in &held_out.homes {
+            assert!(worlds.held_out_home(home, "").is_some(), "{home}");
         }
         let catalog = Catalog::read(&assets()).unwrap();
         let names = |held_out: bool| {
@@ -296,8 +296,11 @@ mod tests {
                 styles.collect::<Vec<String>>(),
             ]
         };
-        assert_eq!(names(false), [seen.plans.clone(), seen.styles.clone()]);
-        assert_eq!(names(true), [unseen.plans.clone(), unseen.styles.clone()]);
+        assert_eq!(names(false), [train.plans.clone(), train.styles.clone()]);
+        assert_eq!(
+            names(true),
+            [held_out.plans.clone(), held_out.styles.clone()]
+        );
     }
 
     #[test]
@@ -362,7 +365,7 @@ mod tests {
     #[test]
     fn list_of_homes_is_checked() {
         for (homes, word) in [
-            (HomesFile::Side("all".to_owned()), "unseen"),
+            (HomesFile::Side("all".to_owned()), "held_out"),
             (HomesFile::List(Vec::new()), "empty"),
             (
                 HomesFile::List(vec!["a".to_owned(), "a".to_owned()]),

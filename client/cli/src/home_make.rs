@@ -183,7 +183,7 @@ fn styles<'a>(
         if catalog.style(&args.style)?.held_out && !args.held_out {
             anyhow::bail!(held_out("style", &args.style));
         }
-        return Ok(vec![&args.style]);
+        return Ok(vec![args.style.as_str()]);
     }
     let all = catalog.styles.iter();
     let all = all.filter(|(_, style)| args.held_out || !style.held_out);

@@ -51,7 +51,7 @@ impl Grammar {
         }
         for category in categories {
             let mut added = self.names_of_category(category);
-            // Its own word, when there is no other name.
+            // Its own word, when it has none.
             let names = Names::Category(category.to_owned());
             if added.is_empty() && self.nouns.iter().all(|noun| noun.names != names) {
                 let text = category.replace(['_', '-'], " ");

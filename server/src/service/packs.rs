@@ -62,7 +62,7 @@ fn requested(packs: &PackStore, wanted: &PackRequest) -> Result<Pack, String> {
 
 /// The own home of a scenario: the requested pack where the server has it, as in a replay, else
 /// one that is made now.
-fn own_home(
+fn made_home(
     assets: &Path,
     packs: &PackStore,
     scenario: &Scenario,
@@ -100,7 +100,7 @@ fn attach_scene(assets: &Path, packs: &PackStore, scenario: &mut Scenario) -> Re
         (scenario.layout_seed, &scenario.pack)
     {
         let id = OwnHomeId::of_scene(&scenario.scene, &scenario.home_style, seed);
-        let pack = own_home(assets, packs, scenario, &id)?;
+        let pack = made_home(assets, packs, scenario, &id)?;
         scenario.pack = ScenePack::Open(Arc::new(pack));
         return Ok(());
     }
@@ -112,7 +112,7 @@ fn attach_scene(assets: &Path, packs: &PackStore, scenario: &mut Scenario) -> Re
     };
     let named = OwnHomeId::from_name(&name).filter(|id| id.is_of(assets));
     if let (None, Some(id)) = (&opened, named) {
-        let pack = own_home(assets, packs, scenario, &id)?;
+        let pack = made_home(assets, packs, scenario, &id)?;
         scenario.pack = ScenePack::Open(Arc::new(pack));
         (scenario.layout_seed, scenario.home_style) = (Some(id.layout_seed), id.style);
         return Ok(());

@@ -76,7 +76,7 @@ impl Sources {
                 }
             };
             let scenario = recording.scenario()?;
-            if let Some(part) = worlds.unseen_part(&scenario) {
+            if let Some(part) = worlds.held_out_part(&scenario) {
                 let why = format!(
                     "{part} is kept for tests, and multiplied episodes are training data; use a demonstration without it"
                 );

@@ -41,19 +41,18 @@ pub struct Processes {
 struct Kept {
     scenario: v1::Scenario,
     record: Option<Record>,
-    /// Scene of the last reset.
-    scene: Mutex<String>,
+    /// An episode had another scene: each reset names its own from then on.
+    has_left_scene: AtomicBool,
 }
 
 impl Kept {
-    /// The scene that a reset to `scene` names: none while it stays the same.
+    /// The scene that a reset to `scene` names: none while all episodes have that of the start.
     fn reset_scene(&self, scene: &str) -> String {
-        let mut last = self.scene.lock();
-        if scene.is_empty() || *last == scene {
-            return String::new();
+        let is_other = !scene.is_empty() && scene != self.scenario.scene;
+        match self.has_left_scene.fetch_or(is_other, Ordering::Relaxed) || is_other {
+            true => scene.to_owned(),
+            false => String::new(),
         }
-        scene.clone_into(&mut last);
-        scene.to_owned()
     }
 }
 
@@ -86,9 +85,9 @@ impl Processes {
     pub fn keeping(self, scenario: v1::Scenario, record: Option<Record>) -> Self {
         Self {
             kept: Some(Kept {
-                scene: Mutex::new(scenario.scene.clone()),
                 scenario,
                 record,
+                has_left_scene: AtomicBool::new(false),
             }),
             ..self
         }

@@ -292,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn training_plan_takes_seen_worlds_only() {
+    fn training_plan_uses_no_held_out_world() {
         let check = |more: &str| {
             let text = GOOD.replace(
                 "[[scenario.cameras]]",
@@ -301,13 +301,13 @@ mod tests {
             parse(&text).map_err(|e| e.to_string())
         };
         let train = "purpose = \"train\"\nfirst_seed = 10000\n";
-        let seen = check(&format!("{train}[variation]\nhomes = \"seen\"")).unwrap();
-        assert!(seen.variation.homes.len() > 20);
-        assert_eq!(seen.scenario().object_split, "train");
-        let tests = check("[variation]\nhomes = \"unseen\"").unwrap();
+        let train_homes = check(&format!("{train}[variation]\nhomes = \"train\"")).unwrap();
+        assert!(train_homes.variation.homes.len() > 20);
+        assert_eq!(train_homes.scenario().object_split, "train");
+        let tests = check("[variation]\nhomes = \"held_out\"").unwrap();
         assert_eq!(tests.scenario().object_split, "");
         for (more, words) in [
-            ("[variation]\nhomes = \"unseen\"", "kept for tests"),
+            ("[variation]\nhomes = \"held_out\"", "kept for tests"),
             (
                 "[variation]\nhomes = [\"studio-nordic-1\", \"loft-nordic-1\"]",
                 "loft",
@@ -318,7 +318,7 @@ mod tests {
             let error = check(&format!("{train}{more}")).unwrap_err();
             assert!(error.contains(words), "{more}: {error}");
         }
-        let both = "[variation]\nhomes = \"seen\"\n[scenario]\nscene = \"home\"";
+        let both = "[variation]\nhomes = \"train\"\n[scenario]\nscene = \"home\"";
         assert!(check(both).unwrap_err().contains("exclude each other"));
     }
 
