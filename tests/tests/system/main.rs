@@ -28,6 +28,7 @@ mod mutation;
 mod object_import;
 mod over_ticks;
 mod own_client;
+mod own_homes;
 mod packs;
 mod person;
 mod policies;
