@@ -10,6 +10,7 @@ mod disturb;
 mod earlier_logs;
 mod episode_seed;
 pub mod evaluate;
+pub mod listed_tasks;
 pub mod multiply;
 pub mod policy_options;
 mod renamed_keys;

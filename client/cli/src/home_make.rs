@@ -5,12 +5,13 @@ use std::fmt::Write;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 use clap::Args;
 use wheelarm_import::home_places::PlaceRobot;
 use wheelarm_import::home_report::{Finding, Home, Posture, RobotFacts, plan};
-use wheelarm_import::layout::{self, Catalog, LayoutError, Order, OwnHome};
+use wheelarm_import::layout::{self, Catalog, CatalogError, LayoutError, Order, OwnHome};
 use wheelarm_import::write;
+use wheelarm_options::choice::did_you_mean;
 use wheelarm_options::packs::PackArgs;
 use wheelarm_pack::Pack;
 use wheelarm_proto::installed::{self, ASSETS_VARIABLE};
@@ -98,6 +99,7 @@ pub fn run(args: &MakeArgs) -> anyhow::Result<String> {
             assets.display()
         );
     }
+    let known_plan = known(catalog.plan(plan))?;
     let mut text = String::new();
     let mut results = Results::default();
     for seed in seeds {
@@ -109,8 +111,8 @@ pub fn run(args: &MakeArgs) -> anyhow::Result<String> {
         }
         let order = Order {
             catalog: &catalog,
-            plan: (plan, catalog.plan(plan)?),
-            style: (style, catalog.style(style)?),
+            plan: (plan, known_plan),
+            style: (style, known(catalog.style(style))?),
             seed,
             name,
         };
@@ -164,6 +166,16 @@ fn written(home: &OwnHome, robot: PlaceRobot<'_>, folder: &Path) -> anyhow::Resu
     files.insert("plan.png".to_owned(), plan(&finding_home, &finding)?);
     let path = write(&Pack::from_files(files)?, folder)?;
     Ok(format!(", {places} places  {}", path.display()))
+}
+
+/// What a catalog has, or its error with the nearest name.
+fn known<T>(found: Result<T, CatalogError>) -> anyhow::Result<T> {
+    found.map_err(|error| match &error {
+        CatalogError::Unknown { name, known, .. } => {
+            anyhow!("{error}{}", did_you_mean(name, known.split(", ")))
+        }
+        _ => error.into(),
+    })
 }
 
 /// A range `A..B`.
