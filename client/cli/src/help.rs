@@ -49,6 +49,8 @@ const CONNECTION_NOTE: &str =
 /// First line of the command `server`, which runs the program of that name.
 const SERVER_ABOUT: &str = "Starts a server: the program wheelarm-server, with its options";
 
+/// Width of the help, columns: that of a terminal without settings.
+const WIDTH: usize = 80;
 /// Width of the column of commands.
 const COLUMN: usize = 12;
 
@@ -69,7 +71,10 @@ pub fn shaped(command: Command) -> Command {
          {{options}}{{after-help}}",
         groups_text(&command)
     );
-    let mut command = command.help_template(template).mut_args(shortened);
+    let mut command = command
+        .term_width(WIDTH)
+        .help_template(template)
+        .mut_args(shortened);
     for name in names {
         command = command.mut_subcommand(&name, |one| {
             let one = without_connection(one, &name, &options);
@@ -83,7 +88,7 @@ pub fn shaped(command: Command) -> Command {
     command
 }
 
-/// The commands of each group with their first lines, and those without a group.
+/// The commands of each group with their first lines.
 fn groups_text(command: &Command) -> String {
     let about = |name: &str| {
         if name == SERVER {
@@ -97,12 +102,33 @@ fn groups_text(command: &Command) -> String {
         let lines: Vec<String> = names
             .iter()
             .copied()
-            .filter_map(|name| Some(format!("  {name:<COLUMN$}  {}\n", about(name)?)))
+            .filter_map(|name| Some(entry(name, &about(name)?)))
             .collect();
         if !lines.is_empty() {
             let _ = write!(text, "{title}:\n{}\n", lines.concat());
         }
     }
+    text
+}
+
+/// The entry of a command, its first line wrapped beside its name.
+fn entry(name: &str, about: &str) -> String {
+    let indent = COLUMN + 4;
+    let mut text = format!("  {name:<COLUMN$}  ");
+    let mut column = indent;
+    for (index, word) in about.split_whitespace().enumerate() {
+        let width = word.chars().count();
+        if index > 0 && column + 1 + width > WIDTH {
+            let _ = write!(text, "\n{:indent$}", "");
+            column = indent;
+        } else if index > 0 {
+            text.push(' ');
+            column += 1;
+        }
+        text.push_str(word);
+        column += width;
+    }
+    text.push('\n');
     text
 }
 
@@ -170,5 +196,22 @@ fn shortened(arg: Arg) -> Arg {
     match help.split_once(". ") {
         Some((first, _)) => arg.help(first.to_owned()).long_help(long),
         None => arg,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_first_lines_are_wrapped_beside_the_name() {
+        let about = "word ".repeat(30);
+        let text = entry("demo", &about);
+        assert!(text.starts_with("  demo          word word"), "{text}");
+        assert!(text.lines().count() > 1);
+        for line in text.lines().skip(1) {
+            assert!(line.starts_with("                word"), "{text}");
+        }
+        assert!(text.lines().all(|line| line.len() <= WIDTH), "{text}");
     }
 }
