@@ -1,6 +1,8 @@
 # make demo    records one episode of the mustard task and shows images of it
 # make static  the same programs with HDF5 inside, in target/static (needs CMake 3.26)
-# make dist    packages in dist/: archive, wheels, Debian package, image (JOBS=N)
+# make release   the files of a release in dist/: archive, wheels, Debian package, image, crates,
+#                bill of materials, notes, checksums (JOBS=N; `make dist` is the same)
+# make test-release   installs the files of dist/ as the guides say, from a local package index
 # make test-dist   installs and runs the packages of dist/ in clean Debian systems (as root)
 # make test    format, lints, documentation and all tests, as CI runs them
 # make contract    writes proto/contract.txt after a change of the .proto files
@@ -88,7 +90,7 @@ export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 # Settings of another server in this shell must not affect servers that are started here.
 unexport WHEELARM_CONNECT WHEELARM_KEYS WHEELARM_SIM WHEELARM_USER
 
-.PHONY: all build static demo test test-learn lints suites contract test-cluster test-readers test-data test-original test-adversarial test-hashes test-import test-expert test-variety docs soak train-mustard train-tasks train-multiplied demo-policy bench bench-campaign test-rosbag2 dist test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean test-homes
+.PHONY: all build static demo test test-learn lints suites contract test-cluster test-readers test-data test-original test-adversarial test-hashes test-import test-expert test-variety docs soak train-mustard train-tasks train-multiplied demo-policy bench bench-campaign test-rosbag2 dist release test-release test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean test-homes
 all: build
 
 build:
@@ -103,8 +105,11 @@ static:
 	$(CARGO) build --release --bins --features wheelarm-cli/static-hdf5,wheelarm-dataset/static-hdf5,wheelarm-worker/static-hdf5 --target-dir "$(STATIC)"
 	! ldd "$(STATIC)/release/wheelarm" "$(STATIC)/release/wheelarm-dataset" "$(STATIC)/release/wheelarm-worker" | grep -E 'libhdf5|libcurl|libssl'
 
-dist:
+dist release:
 	scripts/dist.sh
+
+test-release:
+	tests/release.sh
 
 test-dist:
 	scripts/setup.sh python numpy h5py

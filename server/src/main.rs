@@ -455,7 +455,7 @@ fn assets(given: Option<PathBuf>) -> anyhow::Result<PathBuf> {
     if let Some(folder) = given {
         if !folder.join("scenes").is_dir() {
             bail!(
-                "{} does not contain a folder `scenes`; name the assets folder of WheelArm",
+                "{} does not contain a folder `scenes`; name the assets folder of WheelArm with --assets",
                 folder.display()
             );
         }

@@ -11,6 +11,7 @@ mod earlier_logs;
 mod episode_seed;
 pub mod evaluate;
 mod frozen;
+pub mod listed_tasks;
 pub mod multiply;
 pub mod policy_options;
 mod renamed_keys;

@@ -71,8 +71,8 @@ pub struct ImportArgs {
     #[arg(long, default_value = "home")]
     posture: Posture,
     /// License of the home when the file states none, for example CC-BY-4.0.
-    #[arg(long, alias = "license", value_name = "TEXT")]
-    licence: Option<String>,
+    #[arg(long, alias = "licence", value_name = "TEXT")]
+    license: Option<String>,
     /// Folder of packs that receives the new one [default: the first of the folders below].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -137,7 +137,7 @@ fn import(args: &ImportArgs) -> anyhow::Result<String> {
             JointsOption::All => Joints::All,
             JointsOption::None => Joints::None,
         },
-        licence: args.licence.clone(),
+        licence: args.license.clone(),
     };
     let imported = import_file(&args.file, &options)?;
     let folders = store(&args.packs);

@@ -5,14 +5,15 @@ use std::fmt::Write;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 use clap::Args;
 use wheelarm_homes::home_places::PlaceRobot;
 use wheelarm_homes::home_report::{Finding, Home, Posture, RobotFacts};
-use wheelarm_homes::layout::{self, Catalog, LayoutError, Order, OwnHome};
+use wheelarm_homes::layout::{self, Catalog, CatalogError, LayoutError, Order, OwnHome};
 use wheelarm_homes::own_home::{DEFAULT_STYLE, OwnHomeId};
 use wheelarm_import::home_report::plan;
 use wheelarm_import::write;
+use wheelarm_options::choice::did_you_mean;
 use wheelarm_options::packs::PackArgs;
 use wheelarm_pack::Pack;
 use wheelarm_proto::installed::{self, ASSETS_VARIABLE};
@@ -101,6 +102,7 @@ pub fn run(args: &MakeArgs) -> anyhow::Result<String> {
             assets.display()
         );
     }
+    let known_plan = known(catalog.plan(plan))?;
     let mut text = String::new();
     let mut results = Results::default();
     for seed in seeds {
@@ -112,8 +114,8 @@ pub fn run(args: &MakeArgs) -> anyhow::Result<String> {
         }
         let order = Order {
             catalog: &catalog,
-            plan: (plan, catalog.plan(plan)?),
-            style: (style, catalog.style(style)?),
+            plan: (plan, known_plan),
+            style: (style, known(catalog.style(style))?),
             seed,
             name,
         };
@@ -176,11 +178,11 @@ fn styles<'a>(
              train in none of them"
         )
     };
-    if catalog.plan(plan)?.held_out && !args.held_out {
+    if known(catalog.plan(plan))?.held_out && !args.held_out {
         anyhow::bail!(held_out("plan", plan));
     }
     if args.style != "all" {
-        if catalog.style(&args.style)?.held_out && !args.held_out {
+        if known(catalog.style(&args.style))?.held_out && !args.held_out {
             anyhow::bail!(held_out("style", &args.style));
         }
         return Ok(vec![args.style.as_str()]);
@@ -202,6 +204,16 @@ fn written(home: &OwnHome, robot: PlaceRobot<'_>, folder: &Path) -> anyhow::Resu
     files.insert("plan.png".to_owned(), plan(&finding_home, &finding)?);
     let path = write(&Pack::from_files(files)?, folder)?;
     Ok(format!(", {places} places  {}", path.display()))
+}
+
+/// What a catalog has, or its error with the nearest name.
+fn known<T>(found: Result<T, CatalogError>) -> anyhow::Result<T> {
+    found.map_err(|error| match &error {
+        CatalogError::Unknown { name, known, .. } => {
+            anyhow!("{error}{}", did_you_mean(name, known.split(", ")))
+        }
+        _ => error.into(),
+    })
 }
 
 /// A range `A..B`.

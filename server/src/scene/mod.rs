@@ -21,7 +21,7 @@ pub use bounds::Bounds;
 pub(crate) use error::Place;
 pub use error::SceneError;
 pub use folder::{AssetText, texts};
-pub(crate) use folder::{Files, names, parse, parse_packed, provenance, text};
+pub(crate) use folder::{Files, did_you_mean, names, parse, parse_packed, provenance, text};
 pub use object::object;
 pub use places::ReachedPlace;
 pub(crate) use places::kind_name;

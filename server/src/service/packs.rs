@@ -12,6 +12,7 @@ use wheelarm_proto::v1::FailureCode;
 use wheelarm_proto::{Message, v1};
 
 use super::denied::Denied;
+use crate::scene::did_you_mean;
 use crate::sim::{ObjectPack, PackRequest, Scenario, ScenePack};
 
 /// Largest number of packs in the folders of a server that receives packs.
@@ -119,15 +120,18 @@ fn attach_scene(assets: &Path, packs: &PackStore, scenario: &mut Scenario) -> Re
     }
     let Some(pack) = opened else {
         let known: Vec<String> = packs.names().into_iter().collect();
+        let scenes = scenes(assets);
+        let all: Vec<String> = scenes.iter().chain(&known).cloned().collect();
         return Err(format!(
             "no scene named {name:?}: the assets have {}; own homes are PLAN-STYLE-SEED, \
-             for example studio-nordic-3; packs in {}: {}",
-            scenes(assets).join(", "),
+             for example studio-nordic-3; packs in {}: {}{}",
+            scenes.join(", "),
             folders(packs),
             match known.is_empty() {
-                true => "none".to_owned(),
+                true => "none; name their folder with --packs".to_owned(),
                 false => known.join(", "),
-            }
+            },
+            did_you_mean(&name, &all)
         ));
     };
     scenario.pack = ScenePack::Open(Arc::new(pack));

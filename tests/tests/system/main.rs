@@ -23,6 +23,7 @@ mod hashes;
 mod hinges;
 mod home_tasks;
 mod installed;
+mod mistakes;
 mod multiply;
 mod mutation;
 mod object_import;

@@ -4,6 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use wheelarm_homes::own_home::OwnHomeId;
+use wheelarm_options::choice::did_you_mean;
 use wheelarm_pack::Store as PackStore;
 use wheelarm_proto::person::NO_PERSON;
 
@@ -69,12 +70,13 @@ pub fn unknown(path: &Path, plan: &Plan, assets: &Path, packs: &[PathBuf]) -> Op
     all.iter().find(is_unknown).map(|unknown| {
         let line = line(&plan.text, unknown.name);
         format!(
-            "{}{}: no {} {:?} in the assets; available: {}; correct the name",
+            "{}{}: no {} {:?} in the assets; available: {}; correct the name{}",
             path.display(),
             line.map_or(String::new(), |line| format!(":{line}")),
             unknown.what,
             unknown.name,
-            unknown.known.join(", ")
+            unknown.known.join(", "),
+            did_you_mean(unknown.name, unknown.known.iter().map(String::as_str))
         )
     })
 }

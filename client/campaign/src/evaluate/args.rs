@@ -21,7 +21,7 @@ use crate::policy_options::PolicyArgs;
 use crate::sentences::Language;
 use crate::variation::Variation;
 use crate::worker_mode::WorkerMode;
-use wheelarm_options::choice::{MOST_SEEDS, named, patience, seed_range};
+use wheelarm_options::choice::{MOST_SEEDS, camera, named, patience, seed_range};
 use wheelarm_options::packs::{ObjectPackArgs, PackArgs};
 
 /// Subcommands of `wheelarm evaluate`.
@@ -71,12 +71,12 @@ pub struct EvaluateArgs {
     #[arg(long, value_parser = named::<WorkerMode>(), default_value = "process")]
     pub worker: WorkerMode,
     /// Servers that run at the same time.
-    #[arg(long, default_value = "1", value_name = "J")]
+    #[arg(long, default_value = "1", value_name = "N")]
     pub jobs: NonZeroUsize,
     #[command(flatten)]
     pub graphics: AdapterArgs,
     /// Folder for the results; an interrupted run in it is resumed.
-    #[arg(long, default_value = "data/evaluate")]
+    #[arg(long, default_value = "data/evaluate", value_name = "DIR")]
     pub out: PathBuf,
     /// Records every episode as an HDF5 file into the folder.
     #[arg(long)]
@@ -85,12 +85,12 @@ pub struct EvaluateArgs {
     /// Keeps recordings of failures only, unless --record is given.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub redraw_failures: Option<u32>,
-    /// Camera of the recordings, `NAME=WIDTHxHEIGHT@HZ`, may be
-    /// repeated, `*` for each other camera of the robot; `*=640x360@10` when absent.
+    /// Camera of the recordings, NAME=WIDTHxHEIGHT@HZ, or WIDTHxHEIGHT@HZ for each other camera
+    /// of the robot. May be repeated; 640x360@10 when absent.
     #[arg(
         long,
         requires = "record",
-        value_parser = v1::CameraSetting::from_text,
+        value_parser = camera,
         value_name = "CAMERA"
     )]
     pub camera: Vec<v1::CameraSetting>,

@@ -27,16 +27,19 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use anyhow::{Context, bail};
 use parking_lot::Mutex;
 use wheelarm_dataset::publish;
+use wheelarm_options::choice::make_folder;
 use wheelarm_proto::v1;
 use wheelarm_rollout::EpisodeLog;
 
+use crate::adapters::AdapterArgs;
+use crate::listed_tasks::check_task;
 use crate::policy_options::{Choice, DriverChoice, Start, files};
 use crate::worlds::tasks_of_homes;
 use entry::Job;
 use report::Report;
 use runner::Runner;
 use scope::Scope;
-use wheelarm_rollout::launcher::{TaskSources, refusal_of_program};
+use wheelarm_rollout::launcher::TaskSources;
 
 pub use args::EvaluateArgs;
 pub use entry::Entry;
@@ -54,8 +57,7 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
         compare::run(args)?;
         return Ok(ExitCode::SUCCESS);
     }
-    std::fs::create_dir_all(&args.out)
-        .with_context(|| format!("making the folder {}", args.out.display()))?;
+    make_folder(&args.out)?;
     let scope = args.scope()?;
     let tasks = tasks(args, scope.layout, &scope.variation.homes)?;
     let driver = DriverChoice::start(
@@ -242,14 +244,7 @@ fn tasks(args: &EvaluateArgs, layout: bool, homes: &[String]) -> anyhow::Result<
     }
     let mut tasks = Vec::new();
     for name in each_once(&args.task)? {
-        if !all.iter().any(|task| task == name) {
-            let reason = refusal_of_program(sources, name)?.unwrap_or_default();
-            bail!(
-                "no task named {name:?} in {}: {reason}; available: {}",
-                args.scene,
-                all.join(", ")
-            );
-        }
+        check_task(sources, &listed, name)?;
         if layout && one.iter().any(|task| task == name) {
             bail!(
                 "the task {name:?} has one layout, so the axis `layout` changes nothing; tasks with several: {}",
@@ -293,7 +288,7 @@ fn work(
             let (trouble, next) = (&trouble, &next);
             scope.spawn(move || {
                 let mut args = args.clone();
-                args.graphics.adapter = adapter;
+                args.graphics = AdapterArgs::only(adapter);
                 if let Err(error) = run_sequentially((&args, driver), index, open, next, log) {
                     // The other runners finish their episodes.
                     next.store(open.len(), Ordering::Relaxed);

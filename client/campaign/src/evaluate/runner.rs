@@ -38,7 +38,7 @@ impl<'a> Runner<'a> {
             depth: args.depth,
             ..Record::new(&format!("evaluate-{index}"), &args.out)
         });
-        let (assets, adapter) = (args.assets.clone(), args.graphics.adapter.clone());
+        let (assets, adapter) = (args.assets.clone(), args.graphics.first());
         // A policy is queried from this process, which also removes the recordings of successes.
         let is_in_process = args.worker == WorkerMode::Process
             && driver.is_expert()

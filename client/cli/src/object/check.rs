@@ -43,8 +43,8 @@ pub struct CheckArgs {
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Keeps the object graspable whatever the trials show.
-    #[arg(long)]
-    force: bool,
+    #[arg(long, alias = "force")]
+    keep: bool,
     /// Folders of packs.
     #[command(flatten)]
     packs: PackArgs,
@@ -133,13 +133,13 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<String> {
         );
     }
     backend.rest();
-    let is_graspable = tally.is_enough() || args.force;
+    let is_graspable = tally.is_enough() || args.keep;
     let trials = TrialsEntry {
         of: tally.of,
         lifted: tally.lifted,
     };
     let table = judged(&table, name, Some(trials), !is_graspable);
-    let verdict = match (tally.is_enough(), args.force) {
+    let verdict = match (tally.is_enough(), args.keep) {
         (true, _) => "tasks may request it",
         (false, true) => "kept graspable by --force",
         (false, false) => "kept as scenery, --force keeps it graspable",

@@ -3,12 +3,13 @@
 use std::fmt::Write;
 use std::path::PathBuf;
 
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use clap::Args;
 use wheelarm_import::object::{
     Categories, Hand, ObjectOptions, ObjectSummary, SizeOptions, Up, import, length, with_object,
 };
 use wheelarm_import::{slug, write};
+use wheelarm_options::choice::did_you_mean;
 use wheelarm_options::packs::PackArgs;
 use wheelarm_pack::Pack;
 use wheelarm_proto::installed::ASSETS_VARIABLE;
@@ -96,6 +97,10 @@ pub fn run(args: &ImportArgs) -> anyhow::Result<String> {
     };
     let hand = Hand::read(&assets, &args.robot)?;
     let categories = Categories::read(&assets)?;
+    categories.named(&args.category).map_err(|error| {
+        let known = categories.all().iter().map(|one| one.name.as_str());
+        anyhow!("{error}{}", did_you_mean(&args.category, known))
+    })?;
     let imported = import(&args.file, &options, &categories, &hand)?;
     let out = match &args.out {
         Some(out) => out.clone(),

@@ -3,6 +3,7 @@
 mod annotate;
 mod arguments;
 mod children;
+mod examples;
 mod files;
 mod parts;
 mod process;
@@ -11,7 +12,7 @@ mod video;
 
 use std::path::{Path, PathBuf};
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use wheelarm_dataset::convert::learning::RowOptions;
 use wheelarm_dataset::convert::lerobot::{ImageFormat, LeRobotOptions};
 use wheelarm_dataset::convert::{FormatName, Size};
@@ -61,7 +62,7 @@ enum Command {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
         /// Leaves the images in the recording.
-        #[arg(long = "no-pictures")]
+        #[arg(long, alias = "no-pictures")]
         no_images: bool,
     },
     /// Labels the phases 0 to 3 from motion and compares with the operator's.
@@ -106,7 +107,13 @@ enum Command {
         trim_idle: Option<f64>,
         /// How lerobot keeps images: as video by ffmpeg (WHEELARM_FFMPEG, else on
         /// PATH), or as PNG.
-        #[arg(long = "pictures", value_enum, default_value_t, value_name = "HOW")]
+        #[arg(
+            long = "images",
+            alias = "pictures",
+            value_enum,
+            default_value_t,
+            value_name = "HOW"
+        )]
         image_format: ImageFormat,
         /// Adds to lerobot what the depth sensors gave; exact depth is never in it.
         /// LeRobot reads depth videos from 0.6 on. Adds to tensors the same, and exact
@@ -181,6 +188,13 @@ pub fn main(mut cli: Cli) -> anyhow::Result<u8> {
 }
 
 impl Cli {
+    /// Reads the command line; the help of every command has an example.
+    #[must_use]
+    pub fn read() -> Self {
+        let matches = examples::added(Self::command()).get_matches();
+        Self::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+    }
+
     /// The recordings that a command takes several of.
     fn files(&mut self) -> Option<&mut Files> {
         match &mut self.command {
@@ -282,7 +296,7 @@ fn code(complete: bool) -> u8 {
 
 #[cfg(test)]
 mod tests {
-    use clap::{CommandFactory, ValueEnum};
+    use clap::ValueEnum;
     use wheelarm_dataset::convert::Capabilities;
 
     use super::*;

@@ -294,7 +294,7 @@ fn check_options(name: FormatName, options: &LeRobotOptions) -> anyhow::Result<(
         (
             *image_format != ImageFormat::default(),
             |format| format.image_formats,
-            "--pictures is",
+            "--images is",
             "the other formats have one way to store images",
         ),
     ];

@@ -14,7 +14,7 @@ pub(super) fn license(home: &Home, options: &Options, summary: &mut Summary) -> 
     if let Some(given) = &options.licence {
         if CommercialUse::of(given) == CommercialUse::Unknown {
             summary.notes.push(format!(
-                "licence {given:?} is not a known SPDX identifier; write for example --licence CC-BY-4.0, or plans with licence = \"commercial\" refuse the pack"
+                "licence {given:?} is not a known SPDX identifier; write for example --license CC-BY-4.0, or plans with licence = \"commercial\" refuse the pack"
             ));
         }
         return given.clone();
@@ -24,7 +24,7 @@ pub(super) fn license(home: &Home, options: &Options, summary: &mut Summary) -> 
         None => {
             let what = stated.map_or("not stated".into(), |text| format!("{text:?}"));
             summary.notes.push(format!(
-                "licence of the home is {what}; give --licence or the pack is refused by plans with licence = \"commercial\""
+                "licence of the home is {what}; give --license or the pack is refused by plans with licence = \"commercial\""
             ));
             UNKNOWN.to_owned()
         }

@@ -277,7 +277,7 @@ fn options_select_and_leave_out() {
             .summary
             .notes
             .iter()
-            .any(|note| note.contains("--licence"))
+            .any(|note| note.contains("--license"))
     );
     let given = Options {
         licence: Some("CC-BY-4.0".into()),
