@@ -5,8 +5,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
+use anyhow::Context;
 use wheelarm_dataset::credits::{PackCredits, card_section};
 use wheelarm_dataset::read::Episode as Recording;
+use wheelarm_policy::ledger::Ledger;
 use wheelarm_proto::seeds::Purpose;
 use wheelarm_proto::settings::Named;
 use wheelarm_proto::{CONTRACT_VERSION, PHYSICS_VERSION, v1};
@@ -32,11 +34,18 @@ struct SampledEpisode<'a> {
     scenario: v1::Scenario,
 }
 
-/// Writes the card of a dataset into its folder.
+/// Writes the card of a dataset into its folder, and its training ledger `ledger.json`.
 ///
 /// # Errors
-/// When the file cannot be written.
+/// When a file cannot be written.
 pub fn write(folder: &Folder, plan: &Plan, manifest: &Manifest) -> anyhow::Result<()> {
+    let mut ledger = Ledger::default();
+    for done in &manifest.episodes {
+        let scenario: v1::Scenario = serde_json::from_value(done.scenario.clone())
+            .with_context(|| format!("reading the scenario of {}", done.episode))?;
+        ledger.add(&scenario);
+    }
+    write_whole(&folder.root().join("ledger.json"), ledger.text().as_bytes())?;
     let text = card(plan, manifest, &credits(folder, manifest));
     write_whole(&folder.root().join("README.md"), text.as_bytes())
 }

@@ -60,7 +60,11 @@ fn empty() -> Spanned<v1::Scenario> {
     Spanned::new(0..0, v1::Scenario::default())
 }
 
-fn named<'de, T: Named, D: Deserializer<'de>>(from: D) -> Result<T, D::Error> {
+/// Deserializes a named value.
+///
+/// # Errors
+/// When no value has the name.
+pub fn named<'de, T: Named, D: Deserializer<'de>>(from: D) -> Result<T, D::Error> {
     let name = String::deserialize(from)?;
     T::from_name(&name).map_err(D::Error::custom)
 }
@@ -157,9 +161,12 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
     })
 }
 
-/// Hash of a split without its `frozen` line, 16 hexadecimal digits; independent of comments
-/// and the order of lines.
-fn hash(text: &str) -> anyhow::Result<String> {
+/// Hash of a split or suite without its `frozen` line, 16 hexadecimal digits; independent of
+/// comments and the order of lines.
+///
+/// # Errors
+/// When the text is not TOML.
+pub fn hash(text: &str) -> anyhow::Result<String> {
     let mut table: toml::Table = text.parse()?;
     table.remove("frozen");
     let digest = Sha256::digest(serde_json::to_string(&sorted(&table.into()))?);
