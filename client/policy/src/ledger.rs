@@ -16,8 +16,8 @@ use wheelarm_proto::v1;
 pub const FORMAT: &str = "wheelarm-ledger/1";
 /// Bytes of the hash of a sentence and of a ledger.
 const HASHED: usize = 8;
-/// Longest range of numbers, which bounds the memory for a file of another author.
-const LONGEST: u64 = 10_000_000;
+/// Most numbers of a kind, which bounds the memory for a file of another author.
+const MOST: u64 = 1_000_000;
 /// Entries of an overlap that an error lists.
 const LISTED: usize = 3;
 
@@ -142,11 +142,13 @@ impl Ledger {
             (Kind::Specimens, file.specimens),
         ] {
             let Some(ranges) = ranges else { continue };
-            let mut content = Content::new();
+            let (mut content, mut left) = (Content::new(), MOST);
             for (first, last) in ranges {
-                if last < first || last - first >= LONGEST {
+                let count = last.checked_sub(first).filter(|more| *more < left);
+                let Some(more) = count else {
                     return Err(LedgerError::Range(first, last, kind.name()));
-                }
+                };
+                left -= more + 1;
                 content.extend((first..=last).map(|number| number.to_string()));
             }
             declared.insert(kind, content);

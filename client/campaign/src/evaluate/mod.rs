@@ -39,6 +39,7 @@ use work::{begin, work};
 
 pub use args::EvaluateArgs;
 pub use entry::Entry;
+pub use suite::SuiteReport;
 
 /// Exit code when an episode broke.
 const BROKEN: u8 = 3;

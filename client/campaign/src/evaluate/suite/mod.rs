@@ -13,5 +13,6 @@ mod run;
 mod test_suite;
 mod verify;
 
+pub use report::SuiteReport;
 pub use run::run;
 pub use verify::{VerifyArgs, run as verify};
