@@ -170,8 +170,8 @@ impl Ledger {
     /// The text of its file.
     #[must_use]
     pub fn text(&self) -> String {
-        let ranges = |kind| self.declared.get(&kind).map(ranges);
-        let names = |kind| self.declared.get(&kind).cloned();
+        let ranges = |kind: Kind| self.declared.get(&kind).map(ranges);
+        let names = |kind: Kind| self.declared.get(&kind).cloned();
         let file = File {
             format: FORMAT.to_owned(),
             policy: self.policy.clone(),

@@ -39,15 +39,27 @@ struct SampledEpisode<'a> {
 /// # Errors
 /// When a file cannot be written.
 pub fn write(folder: &Folder, plan: &Plan, manifest: &Manifest) -> anyhow::Result<()> {
+    match training_ledger(manifest) {
+        Ok(ledger) => write_whole(&folder.root().join("ledger.json"), ledger.text().as_bytes())?,
+        // Without a ledger a policy is undeclared, which is true.
+        Err(error) => tracing::warn!("no training ledger is written: {error:#}"),
+    }
+    let text = card(plan, manifest, &credits(folder, manifest));
+    write_whole(&folder.root().join("README.md"), text.as_bytes())
+}
+
+/// The training ledger of the episodes.
+///
+/// # Errors
+/// When the scenario of an episode is of an earlier contract.
+fn training_ledger(manifest: &Manifest) -> anyhow::Result<Ledger> {
     let mut ledger = Ledger::default();
     for done in &manifest.episodes {
         let scenario: v1::Scenario = serde_json::from_value(done.scenario.clone())
-            .with_context(|| format!("reading the scenario of {}", done.episode))?;
+            .with_context(|| format!("the scenario of {}", done.episode))?;
         ledger.add(&scenario);
     }
-    write_whole(&folder.root().join("ledger.json"), ledger.text().as_bytes())?;
-    let text = card(plan, manifest, &credits(folder, manifest));
-    write_whole(&folder.root().join("README.md"), text.as_bytes())
+    Ok(ledger)
 }
 
 /// Authors and licenses of the world packs, from the first recording of each. A recording
