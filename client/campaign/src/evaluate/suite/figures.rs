@@ -194,7 +194,7 @@ mod tests {
         assert_eq!(kept.share, 0.666_667);
         assert_eq!(cells[1].tasks["pick_bowl"], [1, 2]);
         assert_eq!(cells[1].causes["timeout"], 2);
-        // Without a success of the base there is no share.
+        // Without a success of the base the share is absent.
         rows.iter_mut().take(4).for_each(|row| row.success = false);
         assert_eq!(figures(&suite, &rows)[1].kept, None);
         // Nor without the base.
