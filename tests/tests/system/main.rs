@@ -39,6 +39,7 @@ mod rows;
 mod sensors;
 mod settle;
 mod strangers;
+mod suites;
 mod tasks;
 mod teleop;
 mod tidy;
