@@ -118,6 +118,7 @@ fn identity(out: &mut String, report: &SuiteReport) {
     *out += "<table>";
     for (name, value) in [
         ("suite hash", report.identity.suite.hash.clone()),
+        ("policy weights", policy.weights.clone()),
         ("policy files", policy.files.clone()),
         ("training ledger", ledger),
         (

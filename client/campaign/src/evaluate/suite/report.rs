@@ -42,6 +42,8 @@ pub struct PolicyId {
     pub kind: String,
     /// Name with the hash of its weights; `operator` for the scripted operator.
     pub name: String,
+    /// SHA-256 of its weights; empty without any.
+    pub weights: String,
     /// Digest of its files; empty without any.
     pub files: String,
     /// Hash of its training ledger; absent for an undeclared policy.

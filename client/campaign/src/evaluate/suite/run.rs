@@ -83,6 +83,7 @@ impl Tested {
                     true => choice.kind().to_owned(),
                     false => name,
                 },
+                weights: self.driver.weights().to_owned(),
                 files: self.files.clone(),
                 ledger: self.ledger.as_ref().map(Ledger::hash),
                 undeclared: ledger_check::undeclared(self.ledger.as_ref(), &suite.cells),

@@ -74,6 +74,7 @@ pub fn identity(suite: &Suite) -> Identity {
         policy: PolicyId {
             kind: "hold".to_owned(),
             name: "hold".to_owned(),
+            weights: String::new(),
             files: String::new(),
             ledger: Some("0".to_owned()),
             undeclared: Vec::new(),
