@@ -186,6 +186,13 @@ impl Suite {
                 names.insert(name),
                 "two cells are named {name:?}; rename one"
             );
+            let usual = format!("{}-{}", cell.axis, cell.strength);
+            ensure!(
+                name == BASE || *name == usual,
+                "the cell {name:?} has the axis {:?} and the strength {}; name it {usual:?}",
+                cell.axis,
+                cell.strength
+            );
             let same = (cell.variation.words(0), &cell.scenes);
             ensure!(
                 settings.insert(same),
@@ -395,6 +402,7 @@ mod tests {
                 "not a cell before it",
             ),
             ("strength = 2", "strength = 4", "the greatest is 3"),
+            ("strength = 2", "strength = 1", "name it \"start-1\""),
             ("\"anywhere\"", "\"up\"", "up"),
             ("[\"homes\"]", "[\"houses\"]", "houses"),
         ] {
