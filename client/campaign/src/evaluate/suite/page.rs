@@ -15,7 +15,7 @@ const RIGHT: f64 = 150.0;
 const LINE: f64 = 26.0;
 const TOP: f64 = 34.0;
 /// Colors of bars: the base, and strengths 1 to 3.
-const COLORS: [&str; 4] = ["#3b4754", "#8fb3d9", "#4a86c5", "#c9a36a"];
+const COLORS: [&str; 4] = ["#9aa7b5", "#8fb3d9", "#4a86c5", "#c9a36a"];
 
 /// Bar chart of the rates with their intervals, as SVG.
 #[must_use]
