@@ -123,7 +123,7 @@ fn gpus(listed: &str) -> Vec<String> {
 ///
 /// # Errors
 /// When the program does not exist or lists no adapter, with its message.
-fn listed() -> anyhow::Result<String> {
+pub fn listed() -> anyhow::Result<String> {
     let program = required_program("wheelarm-server")?;
     let output = Command::new(program).arg("--list-adapters").output();
     let output = output.context("starting wheelarm-server --list-adapters")?;

@@ -25,9 +25,12 @@ pub fn check(path: &Path, text: &str, frozen: Option<&str>) -> anyhow::Result<()
     }
 }
 
-/// Hash of a split without its `frozen` line, 16 hexadecimal digits; independent of comments
-/// and the order of lines.
-fn hash(text: &str) -> anyhow::Result<String> {
+/// Hash of a split or suite without its `frozen` line, 16 hexadecimal digits; independent of
+/// comments and the order of lines.
+///
+/// # Errors
+/// When the text is not TOML.
+pub fn hash(text: &str) -> anyhow::Result<String> {
     let mut table: toml::Table = text.parse()?;
     table.remove("frozen");
     let digest = Sha256::digest(serde_json::to_string(&sorted(&table.into()))?);

@@ -41,6 +41,7 @@ mod rows;
 mod sensors;
 mod settle;
 mod strangers;
+mod suites;
 mod tasks;
 mod teleop;
 mod tidy;

@@ -5,9 +5,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
+use anyhow::Context;
 use wheelarm_dataset::credits::{PackCredits, card_section};
 use wheelarm_dataset::read::Episode as Recording;
 use wheelarm_homes::own_home::OwnHomeId;
+use wheelarm_policy::ledger::Ledger;
 use wheelarm_proto::seeds::Purpose;
 use wheelarm_proto::settings::Named;
 use wheelarm_proto::{CONTRACT_VERSION, PHYSICS_VERSION, v1};
@@ -33,13 +35,32 @@ struct SampledEpisode<'a> {
     scenario: v1::Scenario,
 }
 
-/// Writes the card of a dataset into its folder.
+/// Writes the card of a dataset into its folder, and its training ledger `ledger.json`.
 ///
 /// # Errors
-/// When the file cannot be written.
+/// When a file cannot be written.
 pub fn write(folder: &Folder, plan: &Plan, manifest: &Manifest) -> anyhow::Result<()> {
+    match training_ledger(manifest) {
+        Ok(ledger) => write_whole(&folder.root().join("ledger.json"), ledger.text().as_bytes())?,
+        // Without a ledger a policy is undeclared, which is true.
+        Err(error) => tracing::warn!("no training ledger is written: {error:#}"),
+    }
     let text = card(plan, manifest, &credits(folder, manifest));
     write_whole(&folder.root().join("README.md"), text.as_bytes())
+}
+
+/// The training ledger of the episodes.
+///
+/// # Errors
+/// When the scenario of an episode is of an earlier contract.
+fn training_ledger(manifest: &Manifest) -> anyhow::Result<Ledger> {
+    let mut ledger = Ledger::default();
+    for done in &manifest.episodes {
+        let scenario: v1::Scenario = serde_json::from_value(done.scenario.clone())
+            .with_context(|| format!("the scenario of {}", done.episode))?;
+        ledger.add(&scenario);
+    }
+    Ok(ledger)
 }
 
 /// Authors and licenses of the world packs, from the first recording of each. A recording

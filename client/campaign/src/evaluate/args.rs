@@ -14,6 +14,7 @@ use wheelarm_rollout::launcher::all_cameras;
 use super::compare::CompareArgs;
 use super::entry::Job;
 use super::scope::{Scope, read_split};
+use super::suite::VerifyArgs;
 use crate::adapters::AdapterArgs;
 use crate::axis::{Axis, AxisAt};
 use crate::disturb::Disturb;
@@ -29,6 +30,8 @@ use wheelarm_options::packs::{ObjectPackArgs, PackArgs};
 pub enum Subcommand {
     /// Compares two evaluations of the same episodes, pair by pair.
     Compare(CompareArgs),
+    /// Checks the results of a suite, and computes their figures again from the episodes.
+    Verify(Box<VerifyArgs>),
 }
 
 /// Options of `wheelarm evaluate`.
@@ -51,6 +54,18 @@ pub struct EvaluateArgs {
     /// and sampling settings. With --episodes, the first of its seeds.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["seeds", "starts", "appearance", "language", "language_split", "style"])]
     pub split: Option<PathBuf>,
+    /// A frozen suite, for example assets/suites/robustness-core.toml: cells of one change each,
+    /// on the same seeds. An interrupted run continues.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["task", "seeds", "episodes", "split", "axis", "takeover", "starts",
+        "appearance", "language", "person", "disturb", "error_share", "style", "time_limits", "scene", "robot", "objects",
+        "record", "redraw_failures", "training_seeds"])]
+    pub suite: Option<PathBuf>,
+    /// Cells of the suite to run, separated by commas; all when absent.
+    #[arg(long, value_name = "CELLS", value_delimiter = ',', requires = "suite")]
+    pub cells: Vec<String>,
+    /// Training ledger of the policy [default: the file beside the policy].
+    #[arg(long, value_name = "FILE", requires = "suite")]
+    pub ledger: Option<PathBuf>,
     /// Axis of difficulty added to seeds or split, AXIS=STRENGTH: camera, noise, light,
     /// background, layout, robot, language, depth or delay, 1 to 3. May be repeated.
     #[arg(long, value_name = "AXIS", value_parser = AxisAt::read)]
@@ -267,18 +282,23 @@ impl EvaluateArgs {
         cameras: Vec<v1::CameraSetting>,
     ) -> v1::Scenario {
         let shared = job.map(|job| job.variation.for_episode(job.seed));
-        let own_scene = shared.as_ref().map(|shared| shared.scene.clone());
-        let own_scene = own_scene.filter(|scene| !scene.is_empty());
+        let shared = shared.unwrap_or_default();
         v1::Scenario {
-            scene: own_scene.unwrap_or_else(|| self.scene.clone()),
+            scene: match shared.scene.as_str() {
+                "" => self.scene.clone(),
+                scene => scene.to_owned(),
+            },
             robot: self.robot.clone(),
             task: Some(job.map(|job| job.task.clone()).unwrap_or_default()),
             seed: Some(job.map_or(0, |job| job.seed)),
             cameras,
             pacing: v1::Pacing::LockStep.into(),
             quality: Quality::Standard.code().into(),
-            packs: self.objects.refs(),
-            ..shared.unwrap_or_default()
+            packs: match shared.packs.is_empty() {
+                true => self.objects.refs(),
+                false => shared.packs.clone(),
+            },
+            ..shared
         }
     }
 }

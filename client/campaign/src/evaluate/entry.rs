@@ -120,6 +120,13 @@ pub struct Entry {
     /// (count); absent for none.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub rejected_starts: u32,
+    /// Sentence of the episode; empty in lines of earlier versions and where the episode did
+    /// not begin.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub instruction: String,
+    /// Target of the task; empty as the sentence.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub target: String,
     /// Notes of the operator.
     pub notes: Vec<String>,
     /// Wall time of the policy's answers, s: their number, mean, and what 99 of 100

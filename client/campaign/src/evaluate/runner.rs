@@ -131,6 +131,8 @@ impl<'a> Runner<'a> {
                 .hash
                 .map_or_else(String::new, |hash| format!("{hash:016x}")),
             rejected_starts: finished.scenario.rejected_starts,
+            instruction: finished.scenario.instruction().to_owned(),
+            target: finished.scenario.target().to_owned(),
             thinking: answer_times(finished.answer_seconds),
             broken,
             scenario: broken.map(|_| scenario_json(&finished.scenario)),

@@ -61,7 +61,11 @@ fn empty() -> Spanned<v1::Scenario> {
     Spanned::new(0..0, v1::Scenario::default())
 }
 
-fn named<'de, T: Named, D: Deserializer<'de>>(from: D) -> Result<T, D::Error> {
+/// Deserializes a named value.
+///
+/// # Errors
+/// When no value has the name.
+pub fn named<'de, T: Named, D: Deserializer<'de>>(from: D) -> Result<T, D::Error> {
     let name = String::deserialize(from)?;
     T::from_name(&name).map_err(D::Error::custom)
 }

@@ -59,6 +59,31 @@ impl Choice {
         })
     }
 
+    /// The word before the colon.
+    #[must_use]
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Operator => "operator",
+            Self::Hold => "hold",
+            Self::Repeat => "repeat",
+            Self::Replay(_) => "replay",
+            Self::Act(_) => "act",
+            Self::Exec(_) => "exec",
+            Self::Zenoh(_) => "zenoh",
+            Self::Openpi(_) => "openpi",
+            Self::Lerobot(_) => "lerobot",
+        }
+    }
+
+    /// Whether it computes its answers in this process, the same in every run.
+    #[must_use]
+    pub fn is_builtin(&self) -> bool {
+        matches!(
+            self,
+            Self::Operator | Self::Hold | Self::Repeat | Self::Replay(_)
+        )
+    }
+
     /// Whether the policy may need images.
     #[must_use]
     pub fn has_cameras(&self) -> bool {

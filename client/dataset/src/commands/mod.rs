@@ -141,6 +141,18 @@ enum Command {
         #[arg(long, value_name = "CSV")]
         csv: Option<PathBuf>,
     },
+    /// Writes the training ledger of a policy that is trained on the recordings: their seeds,
+    /// homes, objects and sentences.
+    Ledger {
+        #[command(flatten)]
+        input: Files,
+        /// The ledger, for example FILE.ledger.json beside the policy FILE.safetensors.
+        #[arg(long, value_name = "JSON")]
+        out: PathBuf,
+        /// File of the policy; the ledger is then valid for this file only.
+        #[arg(long, value_name = "FILE")]
+        weights: Option<PathBuf>,
+    },
     /// Draws LABEL.movement.png and LABEL.synchronisation.png.
     Plot {
         #[command(flatten)]
@@ -200,7 +212,9 @@ impl Cli {
         match &mut self.command {
             Command::Info { .. } | Command::Recover { .. } | Command::Sheet { .. } => None,
             Command::Video(_) => None,
-            Command::Validate { input } | Command::Stats { input, .. } => Some(input),
+            Command::Validate { input }
+            | Command::Stats { input, .. }
+            | Command::Ledger { input, .. } => Some(input),
             Command::Align { input, .. }
             | Command::Label { input, .. }
             | Command::Annotate { input, .. }
@@ -269,6 +283,11 @@ fn run(cli: Cli) -> anyhow::Result<u8> {
         Command::Stats { input, plot, csv } => {
             process::stats(&input, plot.as_deref(), csv.as_deref())
         }
+        Command::Ledger {
+            input,
+            out,
+            weights,
+        } => process::ledger(&input, &out, weights.as_deref()),
         Command::Plot { input, out } => process::plot(&input, out.as_deref()),
         Command::View { input, out } => process::view(&input, out.as_deref()),
         Command::Video(options) => video::video(options),
