@@ -400,3 +400,41 @@ fn footprint(footprint: Option<&v1::Footprint>) -> Result<[f64; 4], Invalid> {
     ];
     check::list("footprint", &sides)
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::*;
+
+    #[test]
+    fn hand_that_lags_behind_a_door_keeps_the_handle_and_turns_less() {
+        let door = Slide {
+            name: "door_joint".to_owned(),
+            item: 0,
+            rest: Isometry3::translation(1.0, 2.0, 0.5),
+            motion: JointMotion::Turns,
+            axis: Vector3::z_axis(),
+        };
+        let hand = Isometry3::new(Vector3::new(0.6, 1.6, 0.9), Vector3::new(0.0, 1.2, 0.0));
+        let grip = 0.16;
+        let bar = |pose: &Isometry3<f64>| pose * Point3::new(0.0, 0.0, grip);
+        let [rigid, lagging] =
+            [0.0, 0.8].map(|lag| door.carried_about_bar(&hand, 0.8, (lag, grip)));
+        assert_eq!(rigid, door.carried(&hand, 0.8));
+        for (rigid, lagging) in rigid.iter().zip(&lagging) {
+            assert!((bar(rigid) - bar(lagging)).norm() < 1e-12);
+        }
+        let turned = |poses: &[Isometry3<f64>]| {
+            poses
+                .last()
+                .map_or(0.0, |pose| pose.rotation.angle_to(&hand.rotation))
+        };
+        assert!((turned(&rigid) - 0.8).abs() < 1e-9 && (turned(&lagging) - 0.16).abs() < 1e-9);
+        let drawer = Slide {
+            motion: JointMotion::Slides,
+            ..door
+        };
+        assert_eq!(drawer.lags(), [0.0]);
+    }
+}
