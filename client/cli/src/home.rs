@@ -14,7 +14,7 @@ use wheelarm_pack::{Pack, Store};
 use wheelarm_proto::installed::{self, ASSETS_VARIABLE};
 
 use crate::home_make::{self, MakeArgs};
-use crate::home_report::{self, ReportArgs, store};
+use crate::home_report::{self, DRIVING_POSTURE, ReportArgs, store};
 
 /// Names of pieces that are printed for one reason.
 const MOST_NAMES: usize = 12;
@@ -67,8 +67,8 @@ pub struct ImportArgs {
     /// Robot of the places, a folder in assets/robots.
     #[arg(long, default_value = "wheelarm")]
     robot: String,
-    /// Posture of the arm in which the scripted operator drives: home or travel.
-    #[arg(long, default_value = "home")]
+    /// Posture of the arm in which the scripted operator drives: travel or home.
+    #[arg(long, default_value = DRIVING_POSTURE)]
     posture: Posture,
     /// License of the home when the file states none, for example CC-BY-4.0.
     #[arg(long, alias = "licence", value_name = "TEXT")]
@@ -137,7 +137,7 @@ fn import(args: &ImportArgs) -> anyhow::Result<String> {
             JointsOption::All => Joints::All,
             JointsOption::None => Joints::None,
         },
-        licence: args.license.clone(),
+        license: args.license.clone(),
     };
     let imported = import_file(&args.file, &options)?;
     let folders = store(&args.packs);
@@ -200,6 +200,16 @@ fn with_places(args: &ImportArgs, pack: Pack) -> anyhow::Result<(Pack, String)> 
     for place in places {
         let room = place.room.as_deref().unwrap_or("no room");
         writeln!(text, "place: {}/{} in {room}", place.on, place.surface)?;
+    }
+    let handles = found.pack.home().map_or(&[][..], |home| &home.handle);
+    if found.leaves > 0 {
+        writeln!(
+            text,
+            "{} of {} doors and drawers of furniture open, {} of them from a start in their room",
+            handles.len(),
+            found.leaves,
+            handles.iter().filter(|handle| handle.apart).count()
+        )?;
     }
     for skipped in &found.skipped {
         writeln!(text, "no place: {}: {}", skipped.surface, skipped.reason)?;
@@ -271,7 +281,7 @@ fn list(store: &Store) -> anyhow::Result<String> {
                     .sum();
                 writeln!(
                     text,
-                    "{name}  {} rooms, {} pieces, {surfaces} surfaces, licence {}{}  {}",
+                    "{name}  {} rooms, {} pieces, {surfaces} surfaces, license {}{}  {}",
                     home.room.len(),
                     home.piece.len(),
                     home.license,
@@ -316,7 +326,7 @@ mod tests {
             placed: 1,
             left_out: vec![left("Chair"), left("Chair")],
             other_levels: vec!["Roof".into()],
-            notes: vec!["licence of the home is not stated".into()],
+            notes: vec!["license of the home is not stated".into()],
             ..Summary::default()
         };
         let text = describe("flat", &summary).unwrap();
@@ -324,7 +334,7 @@ mod tests {
             "1 of 3 pieces",
             "left out, 2: Chair (2): --without chairs",
             "other levels: Roof",
-            "note: licence",
+            "note: license",
         ] {
             assert!(text.contains(part), "{part:?} in {text}");
         }

@@ -11,6 +11,9 @@ use wheelarm_options::packs::PackArgs;
 use wheelarm_pack::{Pack, Store};
 use wheelarm_proto::installed::{self, ASSETS_VARIABLE};
 
+/// Posture in which the scripted operator drives far; the default of reports and imports.
+pub(crate) const DRIVING_POSTURE: &str = "travel";
+
 /// Arguments of `wheelarm home report`.
 #[derive(Args, Debug)]
 pub struct ReportArgs {
@@ -21,7 +24,7 @@ pub struct ReportArgs {
     #[arg(long, default_value = "wheelarm")]
     robot: String,
     /// Posture of the arm while the chair drives: travel or home.
-    #[arg(long, default_value = "travel")]
+    #[arg(long, default_value = DRIVING_POSTURE)]
     posture: Posture,
     /// Prints the report as JSON.
     #[arg(long)]

@@ -12,6 +12,7 @@ pub mod floor_map;
 pub mod floor_space;
 pub mod footprint_check;
 pub mod grid;
+pub mod handle;
 pub mod hybrid_a_star;
 mod lattice;
 mod nearby;

@@ -53,6 +53,7 @@ impl Scene {
             objects: Vec::new(),
             surfaces: Vec::new(),
             places: Vec::new(),
+            handles: Vec::new(),
             joints: Vec::new(),
             lighting: lighting(&place.key("light"), &file.light)?,
             start: {
@@ -92,6 +93,7 @@ impl Scene {
             scene.add_object(&reader, &place, entry)?;
         }
         scene.add_places(&place, &file.place)?;
+        scene.add_handles(&place, &file.handle)?;
         scene.files = scene.texts_behind(file, path, names(assets, "materials")?);
         Ok(scene)
     }

@@ -8,6 +8,7 @@ mod bounds;
 mod error;
 mod file;
 mod folder;
+mod handles;
 mod load;
 mod material;
 mod object;
@@ -22,6 +23,7 @@ pub(crate) use error::Place;
 pub use error::SceneError;
 pub use folder::{AssetText, texts};
 pub(crate) use folder::{Files, did_you_mean, names, parse, parse_packed, provenance, text};
+pub use handles::ReachedHandle;
 pub use object::object;
 pub use places::ReachedPlace;
 pub(crate) use places::kind_name;
@@ -49,6 +51,8 @@ pub struct Scene {
     pub surfaces: Vec<Surface>,
     /// Strips of surfaces that the robot reaches.
     pub places: Vec<ReachedPlace>,
+    /// Doors and drawers of furniture that the robot opens and closes.
+    pub handles: Vec<ReachedHandle>,
     /// Joints of furniture that slides or turns.
     pub joints: Vec<FurnitureJoint>,
     /// Light.

@@ -196,3 +196,28 @@ impl Stock {
         }
     }
 }
+
+/// Ranges of every object of the scene on a place, none of which exists: the home of a query
+/// has no other objects than those that it samples.
+pub(super) fn every_object(scene: &Scene, stock: &[Stock], place: &ReachedPlace) -> Vec<PlaceSpec> {
+    let absent = |object: &str| match stock.iter().find(|stock| stock.object == object) {
+        Some(stock) => stock.at(place, 0.0),
+        None => PlaceSpec {
+            object: object.to_owned(),
+            on: place.furniture.clone(),
+            surface: Some(place.surface.clone()),
+            inwards: Range { min: 0.0, max: 0.0 },
+            along: Range { min: 0.0, max: 0.0 },
+            yaw: Range { min: 0.0, max: 0.0 },
+            mass: None,
+            friction: None,
+            chance: 0.0,
+            rest: RestShares::default(),
+        },
+    };
+    scene
+        .objects
+        .iter()
+        .map(|body| absent(&body.name))
+        .collect()
+}

@@ -192,7 +192,7 @@ fn check_for_commercial_use_names_the_parts_that_do_not_permit_it() {
         );
         (output.status.success(), printed(&output))
     };
-    let commercial = ["--licence", "commercial"];
+    let commercial = ["--license", "commercial"];
     let (passes, text) = check(&free, &commercial);
     assert!(passes && text.contains("permits commercial use"), "{text}");
     let (passes, text) = check(&bound, &[]);

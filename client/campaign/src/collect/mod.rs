@@ -172,7 +172,7 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
     }
     let assets = args.assets.clone().or_else(installed::assets);
     if let Some(words) = rights::check(path, &plan, &assets.unwrap_or_default(), packs)? {
-        eprintln!("warning: {words}; with licence = \"commercial\" in the plan it is refused");
+        eprintln!("warning: {words}; with pack_license = \"commercial\" in the plan it is refused");
     }
     let needed = (worker_bytes(&plan) + kept) * workers as f64;
     let free = host.memory.filter(|free| (*free as f64) < needed);

@@ -14,7 +14,7 @@ use super::plan::Plan;
 /// assets has no pack.
 ///
 /// # Errors
-/// When the plan has `licence = "commercial"` and a part of a pack does not permit it, when the
+/// When the plan has `pack_license = "commercial"` and a part of a pack does not permit it, when the
 /// plan is for training and a pack is held out for tests, or when a pack is not valid.
 pub fn check(
     path: &Path,
@@ -46,7 +46,7 @@ pub fn check(
             continue;
         };
         if plan.commercial {
-            let what = format!("{} requires licence = \"commercial\"", path.display());
+            let what = format!("{} requires pack_license = \"commercial\"", path.display());
             return Err(anyhow::Error::new(problem).context(what));
         }
         problems.push(problem.to_string());
@@ -81,7 +81,7 @@ mod tests {
             let plan = Plan::parse(path, text).unwrap();
             check(path, &plan, &assets, &[packs.to_owned()])
         };
-        let commercial = format!("licence = \"commercial\"\n{PLAN}");
+        let commercial = format!("pack_license = \"commercial\"\n{PLAN}");
         for (license, permitted, words) in [
             ("CC0-1.0", true, ""),
             ("CC-BY-NC-4.0", false, "jar (CC-BY-NC-4.0)"),
@@ -96,7 +96,7 @@ mod tests {
             assert_eq!(refused.is_ok(), permitted, "{license}");
             if let Err(problem) = refused {
                 let text = format!("{problem:#}");
-                assert!(text.starts_with("p.toml requires licence"), "{text}");
+                assert!(text.starts_with("p.toml requires pack_license"), "{text}");
                 assert!(
                     text.contains(words) && text.contains("remove or replace"),
                     "{text}"

@@ -105,8 +105,14 @@ fn wanted(
             let slide_now = now.observation.slides.get(*slide).copied().unwrap_or(0.0);
             let joint = &now.scene.slides[*slide];
             let aim = now.goal.aim(now.scene).map_or(slide_now, |(_, aim)| aim);
-            let pulled = |share: f64| joint.carried(&candidate.grasp, (aim - slide_now) * share);
-            vec![vec![pulled(1.0)], vec![pulled(0.3)]]
+            let pulled = |share: f64| {
+                let by = (aim - slide_now) * share;
+                let tool = now.scene.tool_length;
+                let lags = joint.lags().iter();
+                lags.map(|lag| joint.carried_about_bar(&candidate.grasp, by, (*lag, tool)))
+                    .collect::<Vec<_>>()
+            };
+            vec![pulled(1.0), pulled(0.3)]
         }
     };
     Wanted { approach, then }

@@ -83,6 +83,15 @@ metres.</p>",
         (name, surface_words(surface), surface.strip.is_some())
     });
     table(&mut out, "Surfaces", surfaces)?;
+    for (title, slides) in [("Doors of furniture", false), ("Drawers", true)] {
+        let leaves = report.leaves.iter().filter(|leaf| leaf.slides == slides);
+        let leaves = leaves.map(|leaf| {
+            let room = leaf.room.as_deref().unwrap_or("no room");
+            let name = format!("{room}: {}", leaf.piece);
+            (name, leaf.words(), leaf.stop.is_some())
+        });
+        table(&mut out, title, leaves)?;
+    }
     let moves = report.to_move.iter();
     let moves = moves.map(|piece| (piece.piece.clone(), move_words(piece), true));
     table(&mut out, "What to move", moves)?;

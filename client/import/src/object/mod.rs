@@ -241,7 +241,7 @@ fn convert(
     let license = options.license.clone().unwrap_or_else(|| UNKNOWN.into());
     if options.license.is_none() {
         notes.push(format!(
-            "the license of {} is not stated; give --license, or plans with licence = \
+            "the license of {} is not stated; give --license, or plans with pack_license = \
              \"commercial\" refuse the pack",
             options.name
         ));

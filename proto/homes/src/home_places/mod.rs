@@ -1,5 +1,5 @@
 //! Places of a home: the strip of each surface that a robot reaches, and where the chair starts
-//! near it. Tasks without an area sample from them.
+//! near it; and handles of doors and drawers. Tasks without an area sample from them.
 //!
 //! [`add`] uses the report on the home ([`crate::home_report`]), which must be computed with
 //! the posture in which the scripted operator drives. Objects start where the report has
@@ -7,10 +7,11 @@
 //! places and failures are measured from that edge. Equal packs and robots give equal bytes.
 
 mod approach;
+mod handles;
 mod spot;
 mod start;
 
-use wheelarm_pack::{Pack, PackError, PlaceEntry, StartRangesEntry};
+use wheelarm_pack::{Pack, PackError, PlaceEntry};
 
 use crate::home_report::floor::{self, Floor};
 use crate::home_report::{Home, NoHome, RobotFacts, rooms, surfaces};
@@ -38,6 +39,8 @@ pub struct HomePlaces {
     pub surfaces: usize,
     /// Reached surfaces without a place.
     pub skipped: Vec<Skipped>,
+    /// Number of doors and drawers of furniture, of which the pack lists those that open.
+    pub leaves: usize,
 }
 
 /// Why a pack gets no places.
@@ -60,8 +63,9 @@ pub struct PlaceRobot<'a> {
     pub starts: &'a RobotFacts,
 }
 
-/// Adds a place for each surface that `robot` reaches: from the start of the home, and then
-/// from starts in the rooms to which it does not get. They replace those of the pack. The other
+/// Adds a place for each surface that `robot` reaches and a handle for each door and drawer of
+/// furniture that it opens: from the start of the home, and then from starts in the rooms to
+/// which it does not get. They replace those of the pack. The other
 /// files of the pack stay, except the kinds of pieces whose surfaces are approached from another
 /// edge.
 ///
@@ -78,6 +82,7 @@ pub fn add(pack: &Pack, robot: PlaceRobot<'_>) -> Result<HomePlaces, NoPlaces> {
     let of_home = start::of_home(&home, &floor, rooms::start(&home, &floor, &rooms));
     let mut skipped = Vec::new();
     let mut spots: Vec<Spot> = Vec::new();
+    let mut handles = Vec::new();
     let mut counts = [0; 2];
     for within in [false, true] {
         if within {
@@ -116,11 +121,19 @@ pub fn add(pack: &Pack, robot: PlaceRobot<'_>) -> Result<HomePlaces, NoPlaces> {
                 }),
             }
         }
+        handles::add(
+            &home,
+            &floors,
+            robot.drives,
+            (within, of_home),
+            &mut handles,
+        );
     }
     let mut kinds = pack.kinds().clone();
     let mut manifest = pack.manifest().clone();
     approach::turn(&mut file, &mut kinds, &mut manifest, &spots);
     file.place = spots.iter().map(entry).collect();
+    file.handle = handles;
     skipped.sort_by(|a, b| a.surface.cmp(&b.surface));
     let mut files = pack.files().clone();
     files.retain(|path, _| !path.starts_with("kinds/"));
@@ -130,6 +143,7 @@ pub fn add(pack: &Pack, robot: PlaceRobot<'_>) -> Result<HomePlaces, NoPlaces> {
         reached_within: counts[1],
         surfaces: home.surfaces.len(),
         skipped,
+        leaves: home.leaves.len(),
     })
 }
 
@@ -143,10 +157,6 @@ fn entry(spot: &Spot) -> PlaceEntry {
         along: spot.along,
         headroom: spot::rounded(spot.headroom),
         apart: spot.apart,
-        start: StartRangesEntry {
-            x: spot.start.x,
-            y: spot.start.y,
-            yaw_deg: spot.start.yaw_deg,
-        },
+        start: spot.start.entry(),
     }
 }

@@ -1,6 +1,6 @@
 //! A place on a reached surface: the ranges in which the objects of tasks start.
 
-use wheelarm_pack::HomeFile;
+use wheelarm_pack::{HomeFile, StartRangesEntry};
 
 use crate::home_report::Strip;
 use crate::home_report::home::{Home, Solid, Surface};
@@ -31,6 +31,17 @@ pub(super) struct Start {
     pub y: [f64; 2],
     /// Degrees.
     pub yaw_deg: [f64; 2],
+}
+
+impl Start {
+    /// The ranges in a file.
+    pub(super) fn entry(&self) -> StartRangesEntry {
+        StartRangesEntry {
+            x: self.x,
+            y: self.y,
+            yaw_deg: self.yaw_deg,
+        }
+    }
 }
 
 /// See the module.

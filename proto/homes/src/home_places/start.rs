@@ -19,10 +19,19 @@ const SPREADS: [(f64, f64); 3] = [(0.1, 15.0), (0.05, 5.0), (0.0, 0.0)];
 
 /// The start for a spot; `None` where no floor in its room is free.
 pub(super) fn near(home: &Home, floors: &Floors<'_>, spot: &Spot) -> Option<Start> {
-    let [x, y, heading] = spot.stop;
+    before(home, floors, spot.at, spot.stop)
+}
+
+/// The same for a point of the floor plan, with the stop of the chair for it.
+pub(super) fn before(
+    home: &Home,
+    floors: &Floors<'_>,
+    target: [f64; 2],
+    [x, y, heading]: [f64; 3],
+) -> Option<Start> {
     let stop = Pose2 { x, y, heading };
     let room = home.room_at([x, y]);
-    let far = |at: [f64; 2]| exact::hypot(at[0] - spot.at[0], at[1] - spot.at[1]);
+    let far = |at: [f64; 2]| exact::hypot(at[0] - target[0], at[1] - target[1]);
     let mut places = floors.driven.reach.home.places();
     places.retain(|place| {
         let distance = far(place.at);
@@ -33,7 +42,7 @@ pub(super) fn near(home: &Home, floors: &Floors<'_>, spot: &Spot) -> Option<Star
     for spread in SPREADS {
         for turn in turns() {
             for place in &places {
-                let [dx, dy] = [0, 1].map(|i| spot.at[i] - place.at[i]);
+                let [dx, dy] = [0, 1].map(|i| target[i] - place.at[i]);
                 let heading = wrap(exact::atan2(dy, dx) + turn);
                 let start = ranges(place.at, heading, spread);
                 if floors.are_free(&start, &stop) {

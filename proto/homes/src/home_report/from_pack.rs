@@ -7,6 +7,7 @@ use wheelarm_pack::{FurnitureEntry, GraspEntry, HomeFile, Pack, PackError, PartE
 use wheelarm_planning::footprint_check::{Pose2, wrap};
 use wheelarm_planning::obb::Obb;
 use wheelarm_proto::exact;
+use wheelarm_proto::furniture::JointMotion;
 
 use super::home::{Home, Leaf, Opening, OpeningKind, Owner, Piece, Room, Solid, Surface};
 
@@ -96,20 +97,27 @@ fn openings(file: &HomeFile) -> Vec<Opening> {
     file.opening.iter().filter_map(opening).collect()
 }
 
-/// The leaf of an entry; `None` for what does not turn.
+/// The leaf of an entry; `None` for what does not move.
 fn leaf(
     piece: usize,
     entry: &FurnitureEntry,
     rest: Isometry3<f64>,
     boxes: Vec<Obb>,
 ) -> Option<Leaf> {
-    let hinge = entry.hinge.as_ref()?;
+    let hinge = entry.hinge.as_ref().map(|hinge| {
+        let travel = hinge.travel_deg.to_radians();
+        (JointMotion::Turns, hinge.axis, travel)
+    });
+    let slide = entry.slide.as_ref();
+    let slide = slide.map(|slide| (JointMotion::Slides, slide.axis, slide.travel));
+    let (motion, axis, travel) = hinge.or(slide)?;
     let grasps = entry.grasps.iter();
     Some(Leaf {
         piece,
         rest,
-        axis: Unit::try_new(rest.rotation * Vector3::from(hinge.axis), 1e-3)?,
-        travel: hinge.travel_deg.to_radians(),
+        motion,
+        axis: Unit::try_new(rest.rotation * Vector3::from(axis), 1e-3)?,
+        travel,
         grasps: grasps.map(|grasp| rest * hand(grasp)).collect(),
         boxes,
     })

@@ -5,6 +5,7 @@ use wheelarm_pack::indoors::{self, Doorway, Indoors};
 use wheelarm_planning::footprint_check::{Pose2, Rectangle};
 use wheelarm_planning::obb::Obb;
 use wheelarm_proto::exact;
+use wheelarm_proto::furniture::JointMotion;
 
 /// Categories of pieces that are not moved.
 const FIXED: [&str; 17] = [
@@ -42,7 +43,7 @@ pub struct Home {
     pub solids: Vec<Solid>,
     /// Surfaces that carry objects.
     pub surfaces: Vec<Surface>,
-    /// Furniture that turns on a hinge.
+    /// Doors and drawers of furniture.
     pub leaves: Vec<Leaf>,
     /// Start of the robot.
     pub start: Option<Pose2>,
@@ -135,16 +136,19 @@ pub struct Surface {
     pub size: [f64; 2],
 }
 
-/// Furniture that turns on a hinge: a door of a cabinet, the lid of a piano.
+/// Furniture on a joint: a door of a cabinet, the lid of a piano, a drawer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Leaf {
     /// Index of its piece.
     pub piece: usize,
     /// Pose in `house` when it is closed.
     pub rest: Isometry3<f64>,
-    /// Axis of positive angles in `house`, through the origin of `rest`.
+    /// Whether it turns or slides.
+    pub motion: JointMotion,
+    /// Axis in `house`: of positive angles through the origin of `rest`, or the direction in
+    /// which it slides open.
     pub axis: Unit<Vector3<f64>>,
-    /// Largest angle, radians.
+    /// Largest angle, radians, or largest distance, metres.
     pub travel: f64,
     /// Hand at the grasps of its handle in `house` when it is closed: z approaches.
     pub grasps: Vec<Isometry3<f64>>,

@@ -67,10 +67,14 @@ pub struct Summary {
     pub surfaces: usize,
     /// Of them, reached.
     pub surfaces_reached: usize,
-    /// Furniture on hinges.
+    /// Doors of furniture, and other furniture on hinges.
     pub leaves: usize,
-    /// Of it, opened.
+    /// Of them, opened.
     pub leaves_opened: usize,
+    /// Drawers.
+    pub drawers: usize,
+    /// Of them, opened.
+    pub drawers_opened: usize,
     /// Further ones, with free floor before them to which the chair does not get: reached from
     /// a start in their room.
     pub surfaces_within: usize,
@@ -98,7 +102,7 @@ pub struct HomeReport {
     pub doors: Vec<DoorReport>,
     /// Surfaces.
     pub surfaces: Vec<SurfaceReport>,
-    /// Doors of furniture, and other leaves on hinges.
+    /// Doors and drawers of furniture.
     pub leaves: Vec<LeafReport>,
     /// Pieces whose removal gains most.
     pub to_move: Vec<MoveReport>,
@@ -139,8 +143,10 @@ impl Finding {
             doors_closed: doors.iter().filter(|door| door.closed).count(),
             surfaces: surfaces.len(),
             surfaces_reached: surfaces.iter().filter(|s| s.strip.is_some()).count(),
-            leaves: leaves.len(),
-            leaves_opened: leaves.iter().filter(|leaf| leaf.stop.is_some()).count(),
+            leaves: count(&leaves, |leaf| !leaf.slides),
+            leaves_opened: count(&leaves, |leaf| !leaf.slides && leaf.stop.is_some()),
+            drawers: count(&leaves, |leaf| leaf.slides),
+            drawers_opened: count(&leaves, |leaf| leaf.slides && leaf.stop.is_some()),
             surfaces_within: surfaces
                 .iter()
                 .filter(|s| s.reason == Some(Reason::NotConnected))
@@ -169,4 +175,8 @@ impl Finding {
         report.to_move = moving::test(home, robot, &report);
         Self { report, floor }
     }
+}
+
+fn count(leaves: &[LeafReport], is_counted: impl Fn(&LeafReport) -> bool) -> usize {
+    leaves.iter().filter(|leaf| is_counted(leaf)).count()
 }

@@ -55,15 +55,21 @@ pub fn text(report: &HomeReport) -> Result<String, fmt::Error> {
             surface_words(surface)
         )?;
     }
-    if !report.leaves.is_empty() {
-        writeln!(
-            out,
-            "\nfurniture doors, opened by 45°: {} of {}",
-            sum.leaves_opened, sum.leaves
-        )?;
-    }
-    for leaf in &report.leaves {
-        writeln!(out, "  {:36} {}", leaf.piece, leaf.words())?;
+    for (slides, what, opened, all) in [
+        (false, "doors, opened by 45°", sum.leaves_opened, sum.leaves),
+        (
+            true,
+            "drawers, opened by 0.20 m",
+            sum.drawers_opened,
+            sum.drawers,
+        ),
+    ] {
+        if all > 0 {
+            writeln!(out, "\nfurniture {what}: {opened} of {all}")?;
+        }
+        for leaf in report.leaves.iter().filter(|leaf| leaf.slides == slides) {
+            writeln!(out, "  {:36} {}", leaf.piece, leaf.words())?;
+        }
     }
     if !report.to_move.is_empty() {
         writeln!(out, "\nto move")?;

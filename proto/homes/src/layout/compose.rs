@@ -202,6 +202,7 @@ pub fn compose(order: &Order<'_>, layout: &Layout) -> Tables {
         piece: pieces.pieces,
         object: Vec::new(),
         place: Vec::new(),
+        handle: Vec::new(),
     };
     let table = MaterialFile {
         origin: style.origin.clone(),

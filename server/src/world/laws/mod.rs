@@ -113,6 +113,7 @@ fn scene(furniture: Vec<Body>, objects: Vec<Body>) -> (Scene, Vec<Placement>) {
         objects,
         surfaces: Vec::new(),
         places: Vec::new(),
+        handles: Vec::new(),
         joints: Vec::new(),
         lighting: Lighting {
             sun_direction: [0.0, 0.0, 1.0],
