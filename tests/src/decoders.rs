@@ -241,7 +241,7 @@ pub fn object(bytes: &[u8]) {
         category: "tool".to_owned(),
         ..ObjectOptions::default()
     };
-    for name in ["mesh.obj", "mesh.stl"] {
+    for name in ["mesh.obj", "mesh.stl", "mesh.msh", "mesh.xml"] {
         if let Ok(found) = object::import_bytes(name, bytes, &options, categories, hand) {
             object::with_object(None, "objects", &found.object).expect("a pack");
         }

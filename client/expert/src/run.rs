@@ -1,5 +1,7 @@
 //! The operator at work over the network: streams in, commands out.
 
+mod trial;
+
 use std::time::Duration;
 
 use nalgebra::Isometry3;
@@ -17,7 +19,6 @@ use super::observation::{self, Collector};
 use super::operator::{Operator, Outcome, Trouble};
 use super::profile::OperatorProfile;
 use super::scene::SceneModel;
-use super::shake;
 use wheelarm_sdk::{Client, ClientError, Turn, Turns};
 
 /// Options of [`run`].
@@ -44,7 +45,8 @@ pub struct OperateOptions {
     /// Demonstrations for the grasp ([`Operator::shown`]); empty for the operator's own
     /// plan.
     pub shown: Demonstrations,
-    /// Shakes the object after the task, which fails when it slips ([`shake`]).
+    /// Tests the object after the task, which fails when it slips while it is shaken, or when it
+    /// was put down and does not rest (`shake`).
     pub shakes: bool,
 }
 
@@ -206,6 +208,7 @@ pub fn run(
     let reply = client.request(&v1::SceneRequest {})?;
     let scene = SceneModel::read(&reply)?;
     let goal = Goal::read(&reply, &scene)?;
+    let puts = matches!(goal, Goal::Put { .. });
     let roles = Roles::find(&reply.robot.unwrap_or_default())?;
     let style = Style::from_name(scenario.style()).unwrap_or_default();
     let seed = options.profile_seed.unwrap_or(scenario.seed());
@@ -239,11 +242,15 @@ pub fn run(
         reach: RemoteReach::new(client),
         first: started.header.clone().unwrap_or_default(),
         started,
+        pressed: 0.0,
         stopped: None,
     };
     let mut outcome = work.until_over(progress)?;
     if options.shakes && outcome == Outcome::Success {
-        outcome = work.shake(progress)?;
+        outcome = match puts {
+            true => work.rest(progress)?,
+            false => work.shake(progress)?,
+        };
     }
     work.finish(outcome, is_ours)
 }
@@ -282,6 +289,8 @@ struct Work<'a> {
     started: v1::EpisodeStarted,
     /// Header of the beginning.
     first: v1::Header,
+    /// Simulated time at which a pad last pressed, seconds.
+    pressed: f64,
     stopped: Option<v1::EpisodeStopped>,
 }
 
@@ -321,50 +330,6 @@ impl Work<'_> {
         }
     }
 
-    /// Shakes the object in the hand; fails when it slips.
-    fn shake(&mut self, progress: &mut dyn FnMut(&Progress<'_>)) -> Result<Outcome, DriverError> {
-        let (mut tick, mut silent, mut held) = (0, 0, None);
-        loop {
-            let collector = &mut self.collector;
-            let clock = match self.turns.next(PATIENCE, &mut |s| collector.take(s))? {
-                Turn::Answer(clock) => clock,
-                Turn::Refused(_) => continue,
-                Turn::Ended(end) => match self.ended(end)? {
-                    Some(outcome) => return Ok(outcome),
-                    None => continue,
-                },
-                Turn::Silent(status) => {
-                    silent += 1;
-                    match self.silent(silent, &status)? {
-                        Some(outcome) => return Ok(outcome),
-                        None => continue,
-                    }
-                }
-            };
-            silent = 0;
-            let stamp = clock.header.as_ref().map_or(0, |h| h.stamp_nanos);
-            let command = shake::command(tick).unwrap_or_default();
-            self.turns.answer(command)?;
-            let Some(observation) = self.collector.observe(stamp)? else {
-                continue;
-            };
-            let at = self.operator.object_in_hand(&observation);
-            let at = at.translation.vector;
-            let start = *held.get_or_insert(at);
-            progress(&Progress {
-                time: stamp.saturating_sub(self.first.stamp_nanos) as f64 * 1e-9,
-                phase: "shaking",
-                factor: clock.real_time_factor,
-                notes: &[],
-            });
-            tick += 1;
-            if shake::command(tick).is_none() {
-                let slipped = shake::verdict((at - start).norm());
-                return Ok(slipped.map_or(Outcome::Success, Outcome::Failure));
-            }
-        }
-    }
-
     /// Decides and answers one tick.
     fn answer(
         &mut self,
@@ -376,6 +341,9 @@ impl Work<'_> {
             self.turns.answer(v1::Command::default())?;
             return Ok(None);
         };
+        if observation.pad_force.iter().any(|force| *force > 0.0) {
+            self.pressed = observation.time;
+        }
         let (act, outcome) = self.operator.step(&observation, &mut self.reach);
         if let Some(error) = self.reach.take_error() {
             return Err(error.into());

@@ -1,6 +1,7 @@
 //! Checks the names of a plan against the assets before a campaign starts, because a server
 //! would reject every episode with an unknown name.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use wheelarm_homes::own_home::OwnHomeId;
@@ -31,7 +32,13 @@ pub fn unknown(path: &Path, plan: &Plan, assets: &Path, packs: &[PathBuf]) -> Op
     let named = |what, name, known| Named { what, name, known };
     let mut scenes = files(assets, "scenes");
     if !scenes.is_empty() {
-        scenes.extend(PackStore::search(packs, assets).names());
+        let found = PackStore::search(packs, assets).candidates();
+        // A pack of objects is not a scene; a zip file is not opened here.
+        let homes = found.into_iter().filter_map(|(name, path)| {
+            let has_home = path.is_file() || path.join("home.toml").is_file();
+            has_home.then_some(name)
+        });
+        scenes.extend(homes.collect::<BTreeSet<String>>());
     }
     let mut all: Vec<Named<'_>> = plan
         .variation

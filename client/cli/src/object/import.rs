@@ -26,6 +26,9 @@ pub struct ImportArgs {
     /// Category, one of assets/categories.toml: mug, bottle, can, box, …
     #[arg(long)]
     category: String,
+    /// Noun of the object in sentences, after its color; by default that of the category.
+    #[arg(long, value_name = "TEXT")]
+    noun: Option<String>,
     /// Name of the object; by default from the name of the file.
     #[arg(long)]
     name: Option<String>,
@@ -85,6 +88,7 @@ pub fn run(args: &ImportArgs) -> anyhow::Result<String> {
     let options = ObjectOptions {
         name: name.clone(),
         category: args.category.clone(),
+        noun: args.noun.clone(),
         size: SizeOptions {
             size: args.size,
             scale: args.scale,
