@@ -304,6 +304,37 @@ mod tests {
     }
 
     #[test]
+    fn held_out_kinds_and_categories_agree_with_the_kinds_of_objects() {
+        #[derive(Deserialize)]
+        struct Kinds {
+            kind: Vec<Kind>,
+        }
+        #[derive(Deserialize)]
+        struct Kind {
+            name: String,
+            category: String,
+            #[serde(default)]
+            held_out: bool,
+        }
+        let text = std::fs::read_to_string(assets().join("kinds.toml")).unwrap();
+        let kinds: Kinds = toml::from_str(&text).unwrap();
+        let worlds = Worlds::shipped().unwrap();
+        for kind in &kinds.kind {
+            let is_listed = worlds.is_held_out_object(&format!("{}-white", kind.name));
+            assert_eq!(is_listed, kind.held_out, "{}", kind.name);
+            let mut alike = kinds
+                .kind
+                .iter()
+                .filter(|one| one.category == kind.category);
+            let category = match alike.all(|one| one.held_out) {
+                true => &worlds.held_out.categories,
+                false => &worlds.train.categories,
+            };
+            assert!(category.contains(&kind.category), "{}", kind.category);
+        }
+    }
+
+    #[test]
     fn data_for_training_is_refused_what_is_kept_for_tests() {
         let worlds = Worlds::shipped().unwrap();
         let scenario = |scene: &str| v1::Scenario {
