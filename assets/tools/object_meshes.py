@@ -314,6 +314,8 @@ def write(folder, kind, instance):
             count += len(hull)
         (folder / f"{name}_parts.obj").write_text("\n".join(lines) + "\n")
         options += ["--parts", str(folder / f"{name}_parts.obj")]
+    if kind.get("held_out"):
+        options += ["--held-out"]
     return {"name": name, "kind": kind["name"], "pack": kind["pack"], "file": str(folder / f"{name}.obj"),
             "options": options}
 

@@ -335,6 +335,26 @@ mod tests {
     }
 
     #[test]
+    fn objects_of_shipped_packs_are_marked_as_their_kinds_are() {
+        let worlds = Worlds::shipped().unwrap();
+        let store = wheelarm_pack::Store::new(vec![assets().join("packs")]);
+        for (name, path) in store.candidates() {
+            let pack = wheelarm_pack::Pack::open(&path).unwrap();
+            for object in pack.names("objects", "toml") {
+                let file = &pack.files()[&format!("objects/{object}.toml")];
+                let file: wheelarm_pack::ObjectFile =
+                    toml::from_str(&String::from_utf8_lossy(file)).unwrap();
+                let is_marked = file.stock.is_some_and(|stock| stock.held_out);
+                assert_eq!(
+                    is_marked,
+                    worlds.is_held_out_object(object),
+                    "{object} of {name}: make assets writes held_out of assets/kinds.toml"
+                );
+            }
+        }
+    }
+
+    #[test]
     fn data_for_training_is_refused_what_is_kept_for_tests() {
         let worlds = Worlds::shipped().unwrap();
         let scenario = |scene: &str| v1::Scenario {

@@ -29,6 +29,9 @@ pub struct ImportArgs {
     /// Noun of the object in sentences, after its color; by default that of the category.
     #[arg(long, value_name = "TEXT")]
     noun: Option<String>,
+    /// The object is held out for tests: training takes the others.
+    #[arg(long)]
+    held_out: bool,
     /// Name of the object; by default from the name of the file.
     #[arg(long)]
     name: Option<String>,
@@ -89,6 +92,7 @@ pub fn run(args: &ImportArgs) -> anyhow::Result<String> {
         name: name.clone(),
         category: args.category.clone(),
         noun: args.noun.clone(),
+        held_out: args.held_out,
         size: SizeOptions {
             size: args.size,
             scale: args.scale,

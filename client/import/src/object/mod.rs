@@ -80,6 +80,8 @@ pub struct ObjectOptions {
     pub author: Option<String>,
     /// OBJ file whose groups are the convex parts.
     pub parts: Option<PathBuf>,
+    /// For tests only: no training takes it.
+    pub held_out: bool,
 }
 
 /// What an import found, for people.
@@ -364,7 +366,7 @@ fn stock(
         yaw_deg: grasps.yaw_deg,
         rooms: category.rooms.clone(),
         scenery: grasps.kept.is_empty(),
-        held_out: false,
+        held_out: options.held_out,
         trials: None,
     }
 }
