@@ -31,10 +31,11 @@ fn run(words: &[String]) -> Result<(), Box<dyn std::error::Error>> {
     println!("{:#?}", imported.summary);
     let mut pack = imported.pack;
     if let Some(assets) = assets.first() {
-        let robot = RobotFacts::read(Path::new(assets), "wheelarm", Posture::Home)?;
+        let read = |posture| RobotFacts::read(Path::new(assets), "wheelarm", posture);
+        let (drives, starts) = (read(Posture::Travel)?, read(Posture::Home)?);
         let robot = PlaceRobot {
-            drives: &robot,
-            starts: &robot,
+            drives: &drives,
+            starts: &starts,
         };
         let found = home_places::add(&pack, robot)?;
         println!(
