@@ -75,13 +75,11 @@ impl Choice {
         }
     }
 
-    /// Whether it computes its answers in this process, the same in every run.
+    /// Whether its answers are the same on every machine: it computes them in this process,
+    /// without images, which differ between GPUs.
     #[must_use]
-    pub fn is_builtin(&self) -> bool {
-        matches!(
-            self,
-            Self::Operator | Self::Hold | Self::Repeat | Self::Replay(_)
-        )
+    pub fn is_exact(&self) -> bool {
+        !self.has_cameras()
     }
 
     /// Whether the policy may need images.

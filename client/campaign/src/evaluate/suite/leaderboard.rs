@@ -135,7 +135,7 @@ mod tests {
 
     #[test]
     fn better_base_is_first_and_missing_cells_are_marked() {
-        let document = format!("# Board\n{BEGIN}\nold\n{END}\n## Rules\n");
+        let document = format!("# Board\n{BEGIN}\nformer\n{END}\n## Rules\n");
         let text = with_tables(&document, &[entry("a", false), entry("b", true)]).unwrap();
         let lines: Vec<&str> = text.lines().filter(|line| line.starts_with("| ")).collect();
         assert_eq!(
@@ -150,7 +150,7 @@ mod tests {
             lines[2].starts_with("| a | `hold` | 0 of 4 | 0 of 4 | – | declared |"),
             "{text}"
         );
-        assert!(text.ends_with(&format!("{END}\n## Rules\n")) && !text.contains("old"));
+        assert!(text.ends_with(&format!("{END}\n## Rules\n")) && !text.contains("former"));
         // The same tables again.
         assert_eq!(
             with_tables(&text, &[entry("b", true), entry("a", false)]).unwrap(),

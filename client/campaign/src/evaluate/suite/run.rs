@@ -87,7 +87,7 @@ impl Tested {
                 files: self.files.clone(),
                 ledger: self.ledger.as_ref().map(Ledger::hash),
                 undeclared: ledger_check::undeclared(self.ledger.as_ref(), &suite.cells),
-                deterministic: args.deterministic || choice.is_builtin(),
+                deterministic: args.deterministic || choice.is_exact(),
             },
             physics_version: PHYSICS_VERSION,
         }
