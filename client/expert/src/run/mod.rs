@@ -11,14 +11,14 @@ use wheelarm_proto::robot::Roles;
 use wheelarm_proto::settings::{Named, Style};
 use wheelarm_proto::v1;
 
-use super::base_placement::ArmReachability;
-use super::demonstration::Demonstrations;
-use super::forced::ForcedError;
-use super::goal::Goal;
-use super::observation::{self, Collector};
-use super::operator::{Operator, Outcome, Trouble};
-use super::profile::OperatorProfile;
-use super::scene::SceneModel;
+use crate::base_placement::ArmReachability;
+use crate::demonstration::Demonstrations;
+use crate::forced::ForcedError;
+use crate::goal::Goal;
+use crate::observation::{self, Collector};
+use crate::operator::{Operator, Outcome, Trouble};
+use crate::profile::OperatorProfile;
+use crate::scene::SceneModel;
 use wheelarm_sdk::{Client, ClientError, Turn, Turns};
 
 /// Options of [`run`].
