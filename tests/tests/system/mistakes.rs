@@ -58,7 +58,7 @@ const WORDS: &[Mistake] = &[
         "wheelarm demo --seed 3 --seeds 0..3",
         &["cannot be used with"],
     ),
-    ("wheelarm demo --camera 640x360", &["NAME=WIDTHxHEIGHT@HZ"]),
+    ("wheelarm demo --camera 640", &["NAME=WIDTHxHEIGHT@HZ"]),
     ("wheelarm episode start", &["--label"]),
     ("wheelarm new objct my_mug", &["'object'"]),
     ("wheelarm new object MyMug", &["lower-case"]),
