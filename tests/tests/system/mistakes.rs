@@ -357,9 +357,9 @@ fn check_help(folder: &Path, words: &str, problems: &mut Vec<String>) {
     if !long.contains("Example") && below.is_empty() && !is_server {
         problems.push(format!("{words} --help has no example"));
     }
-    for option in ["--connect ", "--sim ", "--connect-timeout ", "--user "] {
+    for option in ["--connect <", "--sim <", "--connect-timeout <", "--user <"] {
         if long.contains(&format!("  {option}")) && !is_server {
-            problems.push(format!("{words} --help lists {option}again"));
+            problems.push(format!("{words} --help lists {option} again"));
         }
     }
     let former = [
