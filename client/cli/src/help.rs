@@ -49,7 +49,7 @@ const CONNECTION_NOTE: &str =
 /// First line of the command `server`, which runs the program of that name.
 const SERVER_ABOUT: &str = "Starts a server: the program wheelarm-server, with its options";
 
-/// Width of the help, columns: that of a terminal without settings.
+/// Width of the list of commands, columns: that of a terminal without settings.
 const WIDTH: usize = 80;
 /// Width of the column of commands.
 const COLUMN: usize = 12;
@@ -71,10 +71,7 @@ pub fn shaped(command: Command) -> Command {
          {{options}}{{after-help}}",
         groups_text(&command)
     );
-    let mut command = command
-        .term_width(WIDTH)
-        .help_template(template)
-        .mut_args(shortened);
+    let mut command = command.help_template(template).mut_args(shortened);
     for name in names {
         command = command.mut_subcommand(&name, |one| {
             let one = without_connection(one, &name, &options);

@@ -59,7 +59,6 @@ use wheelarm_teleop_web::preview::{self, PreviewArgs};
 #[command(
     name = "wheelarm",
     version = version(),
-    about,
     allow_external_subcommands = true,
     after_long_help = manual::WHEELARM
 )]

@@ -58,7 +58,7 @@ const WORDS: &[Mistake] = &[
         "wheelarm demo --seed 3 --seeds 0..3",
         &["cannot be used with"],
     ),
-    ("wheelarm demo --camera 640x360", &["NAME=WIDTHxHEIGHT@HZ"]),
+    ("wheelarm demo --camera 640", &["NAME=WIDTHxHEIGHT@HZ"]),
     ("wheelarm episode start", &["--label"]),
     ("wheelarm new objct my_mug", &["'object'"]),
     ("wheelarm new object MyMug", &["lower-case"]),
@@ -281,6 +281,21 @@ fn judge(folder: &Path, line: &str, fix: &[String]) -> String {
     }
 }
 
+/// Texts of all entries, joined; three threads, because processes wait for files.
+fn in_parallel<T: Sync>(all: &[T], work: impl Fn(&T) -> String + Sync) -> String {
+    let next = AtomicUsize::new(0);
+    std::thread::scope(|scope| {
+        let some = || {
+            let entries = std::iter::from_fn(|| all.get(next.fetch_add(1, Ordering::Relaxed)));
+            entries.map(&work).collect::<String>()
+        };
+        let workers = [(); 3].map(|()| scope.spawn(some));
+        workers
+            .map(|worker| worker.join().expect("a worker"))
+            .concat()
+    })
+}
+
 #[test]
 fn answers_to_mistakes_name_the_fix() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -297,20 +312,9 @@ fn answers_to_mistakes_name_the_fix() {
         .into_iter()
         .flatten()
         .collect();
-    let next = AtomicUsize::new(0);
-    let wrong = std::thread::scope(|scope| {
-        let work = || {
-            let mistakes = std::iter::from_fn(|| all.get(next.fetch_add(1, Ordering::Relaxed)));
-            let judged = mistakes.map(|(line, fix)| {
-                let fix: Vec<String> = fix.iter().map(|part| filled(part)).collect();
-                judge(folder.path(), &filled(line), &fix)
-            });
-            judged.collect::<String>()
-        };
-        let workers = [(); 3].map(|()| scope.spawn(work));
-        workers
-            .map(|worker| worker.join().expect("a worker"))
-            .concat()
+    let wrong = in_parallel(&all, |(line, fix)| {
+        let fix: Vec<String> = fix.iter().map(|part| filled(part)).collect();
+        judge(folder.path(), &filled(line), &fix)
     });
     assert!(wrong.is_empty(), "{wrong}");
 }
@@ -353,9 +357,9 @@ fn check_help(folder: &Path, words: &str, problems: &mut Vec<String>) {
     if !long.contains("Example") && below.is_empty() && !is_server {
         problems.push(format!("{words} --help has no example"));
     }
-    for option in ["--connect ", "--sim ", "--connect-timeout ", "--user "] {
+    for option in ["--connect <", "--sim <", "--connect-timeout <", "--user <"] {
         if long.contains(&format!("  {option}")) && !is_server {
-            problems.push(format!("{words} --help lists {option}again"));
+            problems.push(format!("{words} --help lists {option} again"));
         }
     }
     let former = [
@@ -409,4 +413,74 @@ fn help_lists_every_command_once_with_an_example_and_connection_options_once() {
         check_help(folder.path(), &format!("wheelarm {name}"), &mut problems);
     }
     assert!(problems.is_empty(), "{problems:#?}");
+}
+
+/// Words of a shell command up to a comment, a pipe or the next command.
+fn shell_words(line: &str) -> Vec<String> {
+    let (mut words, mut word, mut quote) = (Vec::new(), String::new(), None);
+    for c in line.chars() {
+        match (quote, c) {
+            (Some(open), _) if c == open => quote = None,
+            (None, '"' | '\'') => quote = Some(c),
+            (None, '#' | '|' | '&' | ';' | '>') if word.is_empty() => break,
+            (None, ' ') if word.is_empty() => {}
+            (None, ' ') => words.push(std::mem::take(&mut word)),
+            (None, ';' | '>' | ')') => break,
+            _ => word.push(c),
+        }
+    }
+    words.extend((!word.is_empty()).then_some(word));
+    words
+}
+
+/// Commands of this project in the shell blocks of a guide.
+fn commands(guide: &str) -> Vec<Vec<String>> {
+    let mut found = Vec::new();
+    let blocks = guide.split("\n```sh\n").skip(1);
+    for block in blocks.filter_map(|rest| rest.split("\n```").next()) {
+        for line in block.replace("\\\n", " ").lines() {
+            let words = shell_words(line.trim());
+            let is_ours = words.first().is_some_and(|word| {
+                ["wheelarm", "wheelarm-server", "wheelarm-dataset"].contains(&word.as_str())
+            });
+            found.extend(is_ours.then_some(words));
+        }
+    }
+    found
+}
+
+/// With `--help` at the end a command does nothing, but its options and their values are read.
+#[test]
+fn commands_of_the_guides_are_accepted() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut guides = vec![root().join("README.md")];
+    for group in [
+        "start",
+        "drive-and-record",
+        "train-and-evaluate",
+        "integrate-and-operate",
+        "add-your-own",
+    ] {
+        let entries = std::fs::read_dir(root().join("docs").join(group)).expect("a group");
+        guides.extend(entries.map(|entry| entry.expect("an entry").path()));
+    }
+    let text = |guide: &Path| std::fs::read_to_string(guide).expect("a guide");
+    let all = guides.iter().map(|guide| (guide, commands(&text(guide))));
+    let all: Vec<(&std::path::PathBuf, Vec<Vec<String>>)> = all.collect();
+    let count: usize = all.iter().map(|(_, commands)| commands.len()).sum();
+    assert!(count >= 100, "only {count} commands were found");
+    let wrong = in_parallel(&all, |(guide, commands)| {
+        let rejected = commands.iter().filter_map(|words| {
+            let mut command = Command::new(program(&words[0]).expect("the program"));
+            let output = command
+                .args(&words[1..])
+                .arg("--help")
+                .current_dir(folder.path());
+            let output = output.output().expect("a process");
+            let name = guide.display();
+            (!output.status.success()).then(|| format!("{name}: {words:?}: {}\n", printed(&output)))
+        });
+        rejected.collect()
+    });
+    assert!(wrong.is_empty(), "{wrong}");
 }

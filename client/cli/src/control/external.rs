@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use wheelarm_options::choice::nearest;
 use wheelarm_rollout::launcher::{end_with_parent, find_program, programs_named};
 
-/// Words of users that are no command, and the command that does it.
+/// Words that users type in place of a command, and that command.
 const MEANT: [(&str, &str); 15] = [
     ("align", "wheelarm dataset align"),
     ("convert", "wheelarm dataset export"),

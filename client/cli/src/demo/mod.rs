@@ -30,7 +30,7 @@ use wheelarm_rollout::launcher::{
 };
 use wheelarm_rollout::{Backend, Limits, Observer, Processes, Record, Rollout, free_label};
 
-/// Interval of progress lines where standard error is no terminal, for example in a notebook.
+/// Interval of progress lines where standard error is not a terminal, for example in a notebook.
 const PROGRESS_INTERVAL: Duration = Duration::from_secs(15);
 /// Longest time for rendering a contact sheet.
 const SHEET_PATIENCE: Duration = Duration::from_secs(120);
@@ -232,7 +232,7 @@ struct Display {
     seed: u64,
     begun: Instant,
     newest: Mutex<NewestStatus>,
-    /// Time of the newest progress line, where standard error is no terminal.
+    /// Time of the newest progress line, where standard error is not a terminal.
     lines: Option<Mutex<Instant>>,
 }
 

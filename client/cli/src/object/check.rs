@@ -117,8 +117,8 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<String> {
     let judged = judged(&table, name, Some(trials), !is_graspable);
     let verdict = match (tally.is_enough(), args.keep) {
         (true, _) => "tasks may request it",
-        (false, true) => "kept graspable by --force",
-        (false, false) => "kept as scenery, --force keeps it graspable",
+        (false, true) => "kept graspable by --keep",
+        (false, false) => "kept as scenery, --keep keeps it graspable",
     };
     writeln!(text, "{name}: {}; {verdict}", tally.words())?;
     if !tally.still_after.is_empty() {

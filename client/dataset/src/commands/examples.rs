@@ -31,7 +31,7 @@ const EXAMPLES: [(&str, &str); 12] = [
     (
         "export",
         "wheelarm dataset export --format lerobot data/session --out data/lerobot
-  wheelarm dataset export --format robomimic data/session --out data/session.hdf5 --size 320x180",
+  wheelarm dataset export --format robomimic data/session --out data/rows.h5 --size 320x180",
     ),
     ("validate", "wheelarm dataset validate data/session"),
     (
