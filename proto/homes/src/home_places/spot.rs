@@ -63,7 +63,9 @@ pub(super) struct Spot {
     pub headroom: f64,
     /// Middle of the spot in `house`, metres.
     pub at: [f64; 2],
-    /// Stop of the chair for it: x, y, metres, and heading, radians.
+    /// Stops of the chair for it: x, y, metres, and heading, radians.
+    pub stops: Vec<[f64; 3]>,
+    /// That for its middle.
     pub stop: [f64; 3],
     /// Start of the chair.
     pub start: Start,
@@ -139,6 +141,7 @@ impl Spot {
             along: along.map(rounded),
             headroom: lowest.fold(ABOVE, f64::min),
             at,
+            stops: run.iter().map(|(_, stop)| *stop).collect(),
             stop: middle.1,
             start: Start::default(),
             apart: false,
@@ -157,6 +160,7 @@ impl Spot {
             along: [0.0, 0.2],
             headroom: 0.35,
             at: [0.0; 2],
+            stops: Vec::new(),
             stop: [0.0; 3],
             start: Start::default(),
             apart: false,

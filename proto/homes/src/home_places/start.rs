@@ -17,7 +17,10 @@ const BEST: f64 = 2.2;
 /// Half of the ranges of a start: along x and y, metres, and of the heading, degrees.
 const SPREADS: [(f64, f64); 3] = [(0.1, 15.0), (0.05, 5.0), (0.0, 0.0)];
 
-/// The start for a spot; `None` where no floor in its room is free.
+/// Starts whose path to a spot is searched.
+const PATHS: usize = 4;
+
+/// The start for a spot; `None` where no floor in its room is free and has a path.
 pub(super) fn near(home: &Home, floors: &Floors<'_>, spot: &Spot) -> Option<Start> {
     before(home, floors, spot.at, spot.stop)
 }
@@ -39,14 +42,22 @@ pub(super) fn before(
     });
     let off = |at| (far(at) - BEST).abs();
     places.sort_by(|a, b| off(a.at).total_cmp(&off(b.at)));
+    let mut searched = 0;
     for spread in SPREADS {
         for turn in turns() {
             for place in &places {
                 let [dx, dy] = [0, 1].map(|i| target[i] - place.at[i]);
                 let heading = wrap(exact::atan2(dy, dx) + turn);
                 let start = ranges(place.at, heading, spread);
-                if floors.are_free(&start, &stop) {
+                if !floors.are_free(&start, &stop) {
+                    continue;
+                }
+                if has_path(floors.driven, &start, spot) {
                     return Some(start);
+                }
+                searched += 1;
+                if searched == PATHS {
+                    return None;
                 }
             }
         }
@@ -60,6 +71,22 @@ pub(super) fn of_home(home: &Home, floor: &Floor, driven: Option<[f64; 3]>) -> O
     let own = own.map(|start| [start.x, start.y, start.heading]);
     let [x, y, heading] = own.or(driven)?;
     Some(ranges([x, y], heading, (0.0, 0.0)))
+}
+
+/// Whether the chair has a path from the middle of a start to a spot.
+pub(super) fn has_path(floor: &Floor, start: &Start, spot: &Spot) -> bool {
+    let middle = |[low, high]: [f64; 2]| f64::midpoint(low, high);
+    let heading = wrap(middle(start.yaw_deg).to_radians());
+    let pose = Pose2 {
+        x: middle(start.x),
+        y: middle(start.y),
+        heading,
+    };
+    let stops = spot
+        .stops
+        .iter()
+        .map(|&[x, y, heading]| Pose2 { x, y, heading });
+    floor.has_path(&pose, &stops.collect::<Vec<_>>())
 }
 
 /// Angles from 0 to both sides, radians.

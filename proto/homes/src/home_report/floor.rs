@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use wheelarm_planning::floor_map::{CHANGE_CLEARANCE, DRIVE_CLEARANCE, FloorMap, STOP_CLEARANCE};
 use wheelarm_planning::footprint_check::{FootprintCheck, Pose2};
+use wheelarm_planning::posture_routes::PostureRoutes;
 use wheelarm_planning::postures::{self, PostureFloor, PostureReach, changing};
 use wheelarm_planning::reached::Reached;
 
@@ -22,6 +23,7 @@ pub struct Floor {
     /// The start of the home is in the driven part.
     pub is_start_driven: bool,
     floor: PostureFloor,
+    routes: PostureRoutes,
     posture: Posture,
 }
 
@@ -48,12 +50,15 @@ impl Floor {
         let stowed = (robot.posture == Posture::Travel).then(|| {
             let mount = robot.reach.mount().translation;
             let change = changing(&robot.outlines_at_home, &robot.outlines, [mount.x, mount.y]);
+            [driven, among(home, change)]
+        });
+        let maps = stowed.as_ref().map(|[driven, change]| {
             [
-                map(&driven, robot.posture.clearance()),
-                map(&among(home, change), CHANGE_CLEARANCE),
+                map(driven, robot.posture.clearance()),
+                map(change, CHANGE_CLEARANCE),
             ]
         });
-        let floor = PostureFloor::new(map(&at_home, DRIVE_CLEARANCE), stowed);
+        let floor = PostureFloor::new(map(&at_home, DRIVE_CLEARANCE), maps);
         let reach = floor.of_home(home.start.as_ref());
         let is_start_driven = home.start.is_some_and(|start| reach.home.contains(&start));
         Self {
@@ -62,6 +67,10 @@ impl Floor {
             stops: FloorMap::new(&at_home, STOP_CLEARANCE, &poses),
             is_start_driven,
             floor,
+            routes: PostureRoutes {
+                home: at_home,
+                stowed,
+            },
             posture: robot.posture,
         }
     }
@@ -81,6 +90,16 @@ impl Floor {
     #[must_use]
     pub fn has_way(&self, from: &Pose2, stop: &Pose2) -> bool {
         self.floor.has_way(from, stop)
+    }
+}
+
+impl Floor {
+    /// Whether a chair with its arm at home has a path from `from` to one of these stops, as the
+    /// scripted operator searches it.
+    #[must_use]
+    pub fn has_path(&self, from: &Pose2, stops: &[Pose2]) -> bool {
+        let from = (from, postures::Posture::Home);
+        self.routes.reaches(&self.floor, from, stops)
     }
 }
 
