@@ -25,7 +25,7 @@ pub(super) fn add(
             continue;
         };
         let at = leaves::before(&grasp.translation.vector, leaf);
-        let near = start::before(home, floors, at, stop);
+        let near = start::before(home, floors, at, (stop, &[stop]));
         let Some(start) = near.or(of_home.filter(|_| !within)) else {
             continue;
         };

@@ -105,8 +105,9 @@ pub fn add(pack: &Pack, robot: PlaceRobot<'_>) -> Result<HomePlaces, NoPlaces> {
             let spot = Spot::new(&home, &file, surface, &strip).and_then(|spot| {
                 let near = start::near(&home, &floors, &spot);
                 let of_home = of_home.filter(|_| !within);
-                let start =
-                    near.or_else(|| of_home.filter(|start| start::has_path(&floor, start, &spot)));
+                let start = near.or_else(|| {
+                    of_home.filter(|start| start::has_path(&floor, start, &spot.stops))
+                });
                 let start = start.ok_or("no path of the chair from a start in its room")?;
                 Ok(Spot {
                     start,

@@ -22,15 +22,16 @@ const PATHS: usize = 4;
 
 /// The start for a spot; `None` where no floor in its room is free and has a path.
 pub(super) fn near(home: &Home, floors: &Floors<'_>, spot: &Spot) -> Option<Start> {
-    before(home, floors, spot.at, spot.stop)
+    before(home, floors, spot.at, (spot.stop, &spot.stops))
 }
 
-/// The same for a point of the floor plan, with the stop of the chair for it.
+/// The same for a point of the floor plan, with the stop of the chair for it, and all stops to
+/// which a path may lead.
 pub(super) fn before(
     home: &Home,
     floors: &Floors<'_>,
     target: [f64; 2],
-    [x, y, heading]: [f64; 3],
+    ([x, y, heading], stops): ([f64; 3], &[[f64; 3]]),
 ) -> Option<Start> {
     let stop = Pose2 { x, y, heading };
     let room = home.room_at([x, y]);
@@ -52,7 +53,7 @@ pub(super) fn before(
                 if !floors.are_free(&start, &stop) {
                     continue;
                 }
-                if has_path(floors.driven, &start, spot) {
+                if has_path(floors.driven, &start, stops) {
                     return Some(start);
                 }
                 searched += 1;
@@ -73,8 +74,8 @@ pub(super) fn of_home(home: &Home, floor: &Floor, driven: Option<[f64; 3]>) -> O
     Some(ranges([x, y], heading, (0.0, 0.0)))
 }
 
-/// Whether the chair has a path from the middle of a start to a spot.
-pub(super) fn has_path(floor: &Floor, start: &Start, spot: &Spot) -> bool {
+/// Whether the chair has a path from the middle of a start to one of the stops.
+pub(super) fn has_path(floor: &Floor, start: &Start, stops: &[[f64; 3]]) -> bool {
     let middle = |[low, high]: [f64; 2]| f64::midpoint(low, high);
     let heading = wrap(middle(start.yaw_deg).to_radians());
     let pose = Pose2 {
@@ -82,10 +83,8 @@ pub(super) fn has_path(floor: &Floor, start: &Start, spot: &Spot) -> bool {
         y: middle(start.y),
         heading,
     };
-    let stops = spot
-        .stops
-        .iter()
-        .map(|&[x, y, heading]| Pose2 { x, y, heading });
+    let stops = stops.iter();
+    let stops = stops.map(|&[x, y, heading]| Pose2 { x, y, heading });
     floor.has_path(&pose, &stops.collect::<Vec<_>>())
 }
 
