@@ -3,10 +3,14 @@
 # 2.28 or newer (RHEL 8, Debian 10, Ubuntu 18.10), HDF5 inside, and the packages
 # made of that one set of programs.
 #   scripts/dist.sh              everything
-#   scripts/dist.sh PART...      of: programs archive deb wheels image
+#   scripts/dist.sh PART...      of: programs archive deb wheels image crates sbom notes
+# `crates` tests the publication of the contract and the client SDK on crates.io; `sbom` is a
+# bill of materials; `notes` are the release notes, of CHANGELOG.md and the files.
 # Names carry version and target; SHA256SUMS holds what the folder has. Times in
 # the packages are SOURCE_DATE_EPOCH, which is the commit's when it is not set.
-# JOBS=N limits the compiler. Building takes 15 to 25 minutes of two cores.
+# JOBS=N limits the compiler. PROGRAMS=DIR packs the programs of that folder, which need
+# libraries of this host; their wheel is tagged linux_x86_64 and is for tests only.
+# VERIFY=no does not compile the published crates. Building takes 15 to 25 minutes of two cores.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -16,6 +20,9 @@ out=$PWD/dist
 build=$PWD/target/dist-build
 stage=$build/stage
 venv=$PWD/.venv-dist
+foreign=${PROGRAMS:-}
+platform=manylinux_${glibc/./_}_x86_64
+[ -z "$foreign" ] || platform=linux_x86_64
 version=$(sed -n '/^\[workspace.package\]/,/^$/s/^version = "\(.*\)"/\1/p' Cargo.toml)
 name=wheelarm-$version-$target
 epoch=$(git log -1 --format=%ct 2>/dev/null || true)
@@ -47,6 +54,7 @@ tools() {
 
 # The three programs, for $glibc, without the paths of this machine.
 programs() {
+    [ -z "$foreign" ] || die "PROGRAMS names programs, so none are built; leave out the part \`programs\`"
     say "programs for $target, glibc $glibc"
     local from=("${CARGO_HOME:-$HOME/.cargo}/registry/src" "$PWD") to=(/cargo /wheelarm) rust='' c=''
     for i in "${!from[@]}"; do
@@ -60,15 +68,19 @@ programs() {
 
 # One prefix as it is installed: bin and share. Every package is made of it.
 stage() {
-    local built=$build/$target/dist page
-    [ -x "$built/wheelarm-server" ] || die "there are no programs yet; run: scripts/dist.sh programs"
+    local built=${foreign:-$build/$target/dist} page
+    [ -x "$built/wheelarm-server" ] || die "no program $built/wheelarm-server; run: scripts/dist.sh programs"
     rm -rf "$stage"
     mkdir -p "$stage"/{bin,share/man/man1,share/doc/wheelarm} \
         "$stage"/share/{bash-completion/completions,zsh/site-functions,fish/vendor_completions.d} \
         "$stage"/share/wheelarm/{assets,cluster,proto}
     install -m 755 "$built"/{wheelarm,wheelarm-server,wheelarm-worker,wheelarm-dataset} "$stage/bin/"
-    "$venv/bin/python" scripts/dist/neutral.py "$built"/build/hdf5-metno-src-*/out "$PWD" "$HOME" -- "$stage"/bin/*
-    scripts/dist/symbols.sh "$stage"/bin/*
+    if [ -z "$foreign" ]; then
+        "$venv/bin/python" scripts/dist/neutral.py "$built"/build/hdf5-metno-src-*/out "$PWD" "$HOME" -- "$stage"/bin/*
+        scripts/dist/symbols.sh "$stage"/bin/*
+    else
+        strip "$stage"/bin/*
+    fi
     # The assets that git tracks, without other files beside them.
     git ls-files -z assets | tar -c --null -T - | tar -x -C "$stage/share/wheelarm"
     (cd proto && git ls-files -z -- '*.proto' | tar -c --null -T -) | tar -x -C "$stage/share/wheelarm/proto"
@@ -107,9 +119,9 @@ wheels() {
     [ "$stated" = "$version" ] || die "$package is version $stated, Cargo.toml $version; they must be the same"
     rm -f "$out"/wheelarm-*.whl
     (cd $package && hatchling build -t wheel -d "$out")
-    (cd $package && WHEELARM_WHEEL_PREFIX=$stage WHEELARM_WHEEL_PLATFORM=manylinux_${glibc/./_}_x86_64 \
+    (cd $package && WHEELARM_WHEEL_PREFIX=$stage WHEELARM_WHEEL_PLATFORM=$platform \
         hatchling build -t wheel -d "$out")
-    compgen -G "$out/wheelarm-$version-*-manylinux*.whl" >/dev/null ||
+    compgen -G "$out/wheelarm-$version-*-$platform.whl" >/dev/null ||
         die "no wheel with programs was made: $package/pyproject.toml lacks the line [tool.hatch.build.targets.wheel.hooks.custom]"
     # Plugins that LeRobot finds by the beginning of their names.
     for plugin in "$package"/lerobot_*/pyproject.toml; do
@@ -119,9 +131,36 @@ wheels() {
     done
 }
 
-all=(programs archive deb wheels image)
+# Packs the crates as crates.io receives them, and compiles the packed sources.
+crates() {
+    say "crates for crates.io"
+    local verify=() packed=$build/crates crate
+    [ "${VERIFY:-yes}" = yes ] || verify=(--no-verify)
+    cargo publish --dry-run --locked --allow-dirty "${verify[@]}" --target-dir "$packed" \
+        -p wheelarm-proto -p wheelarm-sdk
+    for crate in wheelarm-proto wheelarm-sdk; do
+        crate=$(find "$packed/package" -name "$crate-$version.crate" | head -n 1)
+        [ -n "$crate" ] || die "cargo packed no crate in $packed/package"
+        cp "$crate" "$out/"
+    done
+}
+
+sbom() {
+    say "bill of materials"
+    "$venv/bin/python" scripts/dist/sbom.py --target "$target" --version "$version" --out "$out/wheelarm-$version.cdx.json"
+}
+
+notes() {
+    say "release notes"
+    "$venv/bin/python" scripts/dist/notes.py --version "$version" --changelog CHANGELOG.md --dist "$out"
+}
+
+all=(programs archive deb wheels image crates sbom notes)
 parts=("$@")
-[ ${#parts[@]} -gt 0 ] || parts=("${all[@]}")
+if [ ${#parts[@]} -eq 0 ]; then
+    parts=("${all[@]}")
+    [ -z "$foreign" ] || parts=("${all[@]:1}")
+fi
 for part in "${parts[@]}"; do
     [[ " ${all[*]} " == *" $part "* ]] || die "no part named $part; available: ${all[*]}"
 done
@@ -129,10 +168,14 @@ mkdir -p "$out"
 tools
 staged=
 for part in "${parts[@]}"; do
-    if [ "$part" != programs ] && [ -z "$staged" ]; then
-        stage
-        staged=yes
-    fi
+    case $part in
+    archive | deb | wheels)
+        if [ -z "$staged" ]; then
+            stage
+            staged=yes
+        fi
+        ;;
+    esac
     case $part in
     deb) scripts/dist/deb.sh "$stage" "$version" "$out" ;;
     image) scripts/dist/image.sh "$out/wheelarm_$version-1_amd64.deb" "$version" "$out" ;;

@@ -132,8 +132,8 @@ check_wheel() {
     offline "$work/wheel" /v/bin/wheelarm doctor || true
     # shellcheck disable=SC2086
     offline "$work/wheel" /v/bin/wheelarm demo --out /data ${DEMO_OPTIONS:-} | tee "$work/demo"
-    grep -q 'first picture after' "$work/demo" || die "the demo had no picture"
-    [ -s "$work/wheel/data/pick_mustard-seed0.png" ] || die "the demo drew no sheet"
+    grep -q 'first image after' "$work/demo" || die "the demo had no image"
+    [ -s "$work/wheel/data/pick_mustard-seed0.png" ] || die "the demo made no sheet"
     rm -rf "$work/wheel"
 }
 
@@ -147,7 +147,7 @@ check_network() {
     can_install_wheel || return 0
     with_wheel "$work/network"
     STRACE=$work/connects online "$work/network" /v/bin/wheelarm demo --out /data \
-        --width 160 --height 90 --rate 2 --no-sheet >"$work/demo" || die "the demo: $(cat "$work/demo")"
+        --camera 160x90@2 --no-sheet >"$work/demo" || die "the demo: $(cat "$work/demo")"
     python3 tests/dist/connects.py "$work/connects"
     rm -rf "$work/network"
 }
@@ -180,7 +180,7 @@ check_deb() {
     offline "$root" wheelarm --version
     offline "$root" wheelarm-server --list-adapters
     offline "$root" wheelarm collect assets/campaigns/small.toml --dry-run | tail -n 3
-    offline "$root" wheelarm demo --out /data --width 160 --height 90 --rate 2 | tail -n 4
+    offline "$root" wheelarm demo --out /data --camera 160x90@2 | tail -n 4
     online "$root" sh -c 'apt-get purge -y -qq wheelarm' >"$work/apt.log" 2>&1 || die "apt purge: $(tail -n 5 "$work/apt.log")"
     if find "$root/usr" -name 'wheelarm*' | grep .; then
         die "the removed package left these"

@@ -13,7 +13,7 @@ trap 'rm -rf "$results"' EXIT
 for plan in assets/homes/plans/*.toml; do
     basename "$plan" .toml
 done | xargs -P "$jobs" -I PLAN sh -c \
-    "'$wheelarm' home make PLAN --style all --layout-seeds '$seeds' --check --assets assets --out '$results' > '$results/PLAN.txt'"
+    "'$wheelarm' home make PLAN --style all --held-out --layout-seeds '$seeds' --check --assets assets --out '$results' > '$results/PLAN.txt'"
 python3 - "$results" "$seeds" <<'PYTHON'
 import pathlib
 import re

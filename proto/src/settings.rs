@@ -224,6 +224,9 @@ pub enum LanguageSplit {
     HeldOut,
 }
 
+/// Which objects the tasks of every home place: the same choice.
+pub type ObjectSplit = LanguageSplit;
+
 impl Named for LanguageSplit {
     const WHAT: &'static str = "split";
     const ALL: &'static [Self] = &[Self::Any, Self::Train, Self::HeldOut];

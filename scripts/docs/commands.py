@@ -10,7 +10,7 @@ import subprocess
 #: Programs of a user, each with its commands.
 PROGRAMS = ("wheelarm", "wheelarm-server")
 #: A heading of the help under which commands are listed.
-HEADING = re.compile(r"^[A-Z][\w ]*ommands[\w ,]*:$|^Commands .*:$")
+HEADING = re.compile(r"^[A-Z][\w ,]*:$")
 COMMAND = re.compile(r"^ {2}([a-z][a-z0-9-]*)(?: {2,}|$)")
 
 
@@ -69,7 +69,8 @@ def write(programs: pathlib.Path, folder: pathlib.Path) -> pathlib.Path:
     names = listed(help_of(wheelarm, (), "-h"))
     if len(names) < 20:
         raise SystemExit(f"`wheelarm -h` lists the commands {names}: correct HEADING in {__file__}")
-    for name in names:
+    # `wheelarm server` is the program wheelarm-server.
+    for name in [name for name in names if f"wheelarm-{name}" not in PROGRAMS]:
         lines = section(wheelarm, (name,))
         about = next((line for line in lines[3].splitlines() if line.strip()), "")
         rows.append(f"| [wheelarm {name}]({name}.md) | {about.replace('|', chr(92) + '|')} |")

@@ -70,7 +70,8 @@ struct Args {
     /// Pacing of simulation time [default: real-time].
     #[arg(long, value_parser = named::<Pacing>())]
     pacing: Option<Pacing>,
-    /// Scene below assets/scenes, or the home of a world pack [default: home].
+    /// Scene below assets/scenes, the home of a world pack, or an own home,
+    /// PLAN-STYLE-SEED [default: home].
     #[arg(long)]
     scene: Option<String>,
     /// Task below assets/tasks; an empty name for none [default: pick_mustard].
@@ -215,7 +216,7 @@ fn scene_of(assets: &Path, packs: &PackStore, request: &v1::Scenario) -> anyhow:
 }
 
 fn scene(assets: &Path, scenario: &Scenario) -> anyhow::Result<Scene> {
-    let objects = &scenario.object_packs;
+    let objects = (&scenario.object_packs[..], scenario.object_split);
     let scene = load_scene(assets, &scenario.scene, &scenario.pack, objects)?;
     Ok(scene)
 }
@@ -454,7 +455,7 @@ fn assets(given: Option<PathBuf>) -> anyhow::Result<PathBuf> {
     if let Some(folder) = given {
         if !folder.join("scenes").is_dir() {
             bail!(
-                "{} does not contain a folder `scenes`; name the assets folder of WheelArm",
+                "{} does not contain a folder `scenes`; name the assets folder of WheelArm with --assets",
                 folder.display()
             );
         }

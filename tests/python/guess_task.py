@@ -9,7 +9,12 @@ may exceed chance by at most --margin. With --before they use the table of an ol
 which every task sampled its own scene; there they must be right far more often, which shows
 that the check detects a leak.
 
+With --homes it guesses the target of a task of every home among the objects in the scene, from
+their kind, their place relative to the others and to the chair, mass and friction. Chance is the
+mean of one over the number of objects.
+
 Usage: guess_task.py --server PROGRAM --assets DIR [--seeds N] [--starts near]
+       guess_task.py --server PROGRAM --assets DIR --homes [train|held_out|HOME,HOME] [--seeds N]
        guess_task.py --before tests/data/draws-before.csv.gz
 """
 
@@ -17,14 +22,16 @@ import argparse
 import csv
 import gzip
 import json
+import pathlib
 import subprocess
 import sys
+import tomllib
 import warnings
 
 import numpy
 from sklearn.ensemble import RandomForestClassifier
 from sklearn.linear_model import LogisticRegression
-from sklearn.model_selection import StratifiedKFold, cross_val_score
+from sklearn.model_selection import GroupKFold, StratifiedKFold, cross_val_score
 from sklearn.neighbors import NearestCentroid
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
@@ -142,6 +149,91 @@ def balanced(what, values, labels, args):
     return check(what, values[keep], labels[keep], high=args.margin)
 
 
+def candidates(row, kinds):
+    """One row of numbers for each object in a scene, and which of them is the target."""
+    there = [name for name in kinds if float(row.get(f"{name}_there") or 0.0) > 0.0]
+    number = lambda name, key: float(row[f"{name}_{key}"])
+    at = numpy.array([[number(name, key) for key in "xyz"] for name in there])
+    start = numpy.array([float(row["start_x"]), float(row["start_y"])])
+    inwards = at[:, :2] - start
+    far = numpy.hypot(*inwards.T)
+    # Towards the place, and to its left.
+    ahead = inwards.mean(axis=0) / max(1e-6, numpy.hypot(*inwards.mean(axis=0)))
+    middle = at[:, :2] - at[:, :2].mean(axis=0)
+    deep = middle @ ahead
+    left = middle @ numpy.array([-ahead[1], ahead[0]])
+    values = []
+    for i, name in enumerate(there):
+        yaw = number(name, "yaw")
+        own = [len(there), deep[i], left[i], abs(left[i]), far[i] - far.mean(), float(far[i] == far.min()),
+               number(name, "mass"), number(name, "friction"), numpy.cos(yaw), numpy.sin(yaw),
+               at[i, 2] - at[:, 2].mean(), number(name, "up")]
+        values.append(own + [float(name == kind) for kind in kinds])
+    return values, [name == row["target"] for name in there]
+
+
+def worlds(args):
+    """Guesses the target among the objects of scenes in many homes."""
+    if args.homes in ("train", "held_out"):
+        split = pathlib.Path(args.assets) / "splits/worlds/worlds-1.toml"
+        homes = tomllib.loads(split.read_text())[args.homes]["homes"]
+    else:
+        homes = args.homes.split(",")
+    packs = ["--packs", args.packs] if args.packs else []
+    scenes, kinds = {}, set()
+    for index, home in enumerate(homes):
+        base = [args.server, "--assets", args.assets, *packs, "--scene", home]
+        listed = subprocess.run([*base, "--list-tasks", "--json"], check=True, capture_output=True).stdout
+        for task in json.loads(listed):
+            # Tasks of an area belong to another home.
+            if task["area"]:
+                continue
+            first = 10_000 + index * args.seeds
+            command = [*base, "--task", task["name"], "--starts", args.starts,
+                       "--draws", f"{first}..{first + args.seeds}"]
+            out = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+            rows = list(csv.DictReader(out.splitlines()))
+            kinds |= {name.removesuffix("_there") for name in rows[0] if name.endswith("_there")}
+            scenes.setdefault(task["name"], []).extend(rows)
+    kinds = sorted(kinds)
+    fine = True
+    for task, rows in sorted(scenes.items()):
+        values, labels, groups, chance = [], [], [], []
+        for scene, row in enumerate(rows):
+            own, targets = candidates(row, kinds)
+            # A target alone needs no sentence.
+            if sum(targets) != 1 or len(targets) < 2:
+                continue
+            values += own
+            labels += targets
+            groups += [scene] * len(targets)
+            chance.append(1 / len(targets))
+        values, labels, groups = map(numpy.array, (values, labels, groups))
+        if len(chance) < MIN_SCENES:
+            print(f"{task}: {len(chance)} scenes with several objects, too few for a guess", flush=True)
+            continue
+        shares = {}
+        for name, classifier in {
+            "logistic regression": make_pipeline(StandardScaler(), LogisticRegression(max_iter=2000)),
+            "random forest": RandomForestClassifier(300, min_samples_leaf=3, random_state=0, n_jobs=-1),
+        }.items():
+            right = 0
+            for known, asked in GroupKFold(5).split(values, labels, groups):
+                fitted = classifier.fit(values[known], labels[known])
+                guess = fitted.predict_proba(values[asked])[:, 1]
+                for scene in numpy.unique(groups[asked]):
+                    own = groups[asked] == scene
+                    right += labels[asked][own][guess[own].argmax()]
+            shares[name] = right / len(chance)
+        mean = float(numpy.mean(chance))
+        within = max(shares.values()) <= mean + args.margin
+        text = ", ".join(f"{name} {share:.1%}" for name, share in shares.items())
+        print(f"{len(homes)} homes, {task}: {len(chance)} scenes, chance {mean:.1%}, at most "
+              f"{mean + args.margin:.1%}: {text}{'' if within else '  FAILED'}", flush=True)
+        fine &= within
+    return fine
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--server")
@@ -152,12 +244,14 @@ def main():
     parser.add_argument("--least-home", type=int, default=1000,
                         help="smallest number of scenes with the same areas for a guess over areas")
     parser.add_argument("--before")
+    parser.add_argument("--homes", help="homes, or a side of splits/worlds/worlds-1.toml")
+    parser.add_argument("--packs", help="folder of the packs of these homes")
     args = parser.parse_args()
     fine = True
     if args.before:
         fine &= before(args.before)
     if args.server:
-        fine &= now(args)
+        fine &= worlds(args) if args.homes else now(args)
     sys.exit(0 if fine else 1)
 
 

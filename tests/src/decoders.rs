@@ -6,10 +6,12 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
+use wheelarm_campaign::evaluate::SuiteReport;
 use wheelarm_dataset::{columns, log};
 use wheelarm_import::object::{self, Categories, Hand, ObjectOptions};
 use wheelarm_pack::Pack;
 use wheelarm_planning::reach_map::ReachMap;
+use wheelarm_policy::ledger::Ledger;
 use wheelarm_policy::{ChunkExecutor, ExecutorOptions, Player};
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{Message, Query, Rpc, StreamId, TopicId, check, v1};
@@ -239,7 +241,7 @@ pub fn object(bytes: &[u8]) {
         category: "tool".to_owned(),
         ..ObjectOptions::default()
     };
-    for name in ["mesh.obj", "mesh.stl"] {
+    for name in ["mesh.obj", "mesh.stl", "mesh.msh", "mesh.xml"] {
         if let Ok(found) = object::import_bytes(name, bytes, &options, categories, hand) {
             object::with_object(None, "objects", &found.object).expect("a pack");
         }
@@ -251,6 +253,17 @@ pub fn reach_map(bytes: &[u8]) {
     if let Ok(map) = ReachMap::from_bytes(bytes) {
         assert_eq!(map.to_bytes(), bytes);
         let _ = map.len();
+    }
+}
+
+/// The results of a suite, and the training ledger of a policy.
+pub fn suite_results(bytes: &[u8]) {
+    let text = String::from_utf8_lossy(bytes);
+    if let Ok(report) = SuiteReport::read(&text) {
+        assert!(report.text().is_ok());
+    }
+    if let Ok(ledger) = Ledger::read(&text) {
+        assert_eq!(Ledger::read(&ledger.text()).ok(), Some(ledger));
     }
 }
 

@@ -10,13 +10,10 @@ use wheelarm_rollout::launcher::required_program;
 #[derive(clap::Args, Clone, Debug, Default)]
 pub struct AdapterArgs {
     /// Graphics adapter by its index, its PCI id or a part of its name
-    /// (`wheelarm-server --list-adapters`).
-    #[arg(long, value_name = "INDEX|PCI-ID|NAME", conflicts_with = "adapters")]
-    pub adapter: Option<String>,
-    /// Several graphics adapters, by index or PCI id, comma separated, assigned to the
-    /// workers in turn; `all` is every GPU.
-    #[arg(long, value_name = "all|N,N,…")]
-    pub adapters: Option<Adapters>,
+    /// (`wheelarm-server --list-adapters`). Several, with commas between them, are assigned to
+    /// the workers in turn; `all` is every GPU.
+    #[arg(long, alias = "adapters", value_name = "INDEX|PCI-ID|NAME|all")]
+    pub adapter: Option<Adapters>,
 }
 
 impl AdapterArgs {
@@ -25,19 +22,37 @@ impl AdapterArgs {
     /// # Errors
     /// When the host's adapters cannot be listed, or it has none.
     pub fn of_workers(&self, workers: usize) -> anyhow::Result<Vec<Option<String>>> {
-        match &self.adapters {
+        match &self.adapter {
             Some(adapters) => adapters.spread(workers, listed),
-            None => Ok(vec![self.adapter.clone(); workers]),
+            None => Ok(vec![None; workers]),
+        }
+    }
+
+    /// The adapter of a program that runs alone; `None` for the server's choice.
+    #[must_use]
+    pub fn first(&self) -> Option<String> {
+        match &self.adapter {
+            Some(Adapters::These(names)) => names.first().cloned(),
+            Some(Adapters::All) | None => None,
+        }
+    }
+
+    /// Of one worker.
+    #[must_use]
+    pub fn only(adapter: Option<String>) -> Self {
+        let these = |name| Adapters::These(vec![name]);
+        Self {
+            adapter: adapter.map(these),
         }
     }
 }
 
-/// A value of `--adapters`.
+/// A value of `--adapter`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Adapters {
     /// Every GPU of the host.
     All,
-    /// These, by index or PCI id.
+    /// These, by index, PCI id or a part of the name.
     These(Vec<String>),
 }
 
@@ -51,7 +66,7 @@ impl FromStr for Adapters {
         let names: Vec<String> = text.split(',').map(|name| name.trim().to_owned()).collect();
         if names.iter().any(String::is_empty) {
             return Err(format!(
-                "{text:?} is neither `all` nor indices or PCI ids separated by commas, for example 0,1"
+                "{text:?} is neither `all` nor indices, PCI ids or names separated by commas, for example 0,1"
             ));
         }
         Ok(Self::These(names))
@@ -108,7 +123,7 @@ fn gpus(listed: &str) -> Vec<String> {
 ///
 /// # Errors
 /// When the program does not exist or lists no adapter, with its message.
-fn listed() -> anyhow::Result<String> {
+pub fn listed() -> anyhow::Result<String> {
     let program = required_program("wheelarm-server")?;
     let output = Command::new(program).arg("--list-adapters").output();
     let output = output.context("starting wheelarm-server --list-adapters")?;

@@ -27,6 +27,8 @@ const RENAMED: [(&str, &str); 20] = [
     ("time_limits", "variation.time_limits"),
     ("sample_rate", "sample_rate_hz"),
 ];
+/// Value of the key `pack_license`: every part of the world packs permits commercial use.
+pub const COMMERCIAL: &str = "commercial";
 /// Shares that kept their name and moved.
 const MOVED: [&str; 2] = ["start_in_view", "look_around"];
 
@@ -53,7 +55,11 @@ fn translate(table: &mut Table) -> Result<Vec<String>, String> {
     let moved = MOVED.map(|name| (name, format!("variation.{name}")));
     let moved = moved.iter().map(|(old, new)| (*old, new.as_str()));
     let mut warnings = Vec::new();
-    for (old, new) in RENAMED.into_iter().chain(moved) {
+    // The former spelling of both keys: that of the packs has one value.
+    let is_of_packs = table.get("licence").and_then(Value::as_str) == Some(COMMERCIAL);
+    let licence = ["license", "pack_license"][usize::from(is_of_packs)];
+    let renamed = RENAMED.into_iter().chain([("licence", licence)]);
+    for (old, new) in renamed.chain(moved) {
         let Some(value) = take(table, old) else {
             continue;
         };
@@ -190,6 +196,18 @@ mod tests {
         assert_eq!(scenario(&old), scenario(&new));
         assert_eq!(old["variation"], new["variation"]);
         assert_eq!(old.len(), new.len(), "{old:?}");
+    }
+
+    #[test]
+    fn licence_is_the_key_of_the_packs_or_of_the_data_by_its_value() {
+        for (value, key) in [("commercial", "pack_license"), ("cc-by-4.0", "license")] {
+            let mut table: Table = format!("licence = \"{value}\"").parse().unwrap();
+            let warnings = translate(&mut table).unwrap();
+            assert_eq!(table[key].as_str(), Some(value));
+            assert_eq!(table.len(), 1, "{table:?}");
+            let words = format!("the key `licence` is `{key}` now");
+            assert!(warnings[0].starts_with(&words), "{warnings:?}");
+        }
     }
 
     #[test]

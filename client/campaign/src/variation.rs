@@ -8,16 +8,18 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 
 use serde::Deserialize;
+use sha2::{Digest, Sha256};
 use toml::Spanned;
 use wheelarm_expert::forced::ForcedError;
 use wheelarm_proto::appearance::AppearanceText;
-use wheelarm_proto::seeds::Purpose;
+use wheelarm_proto::seeds::{ATTEMPT_STRIDE, Purpose};
 use wheelarm_proto::settings::{MAX_SENSOR_STRENGTH, Named, Quality, Starts, Style};
 use wheelarm_proto::{CONTROL_HZ, PHYSICS_HZ, defaults, limits, v1};
 
 use crate::disturb::Disturb;
 use crate::episode_seed::EpisodeSeed;
 use crate::sentences::{Language, LanguageFile};
+use crate::worlds::HomesFile;
 
 /// Scenarios of the episodes of one campaign.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -35,6 +37,8 @@ pub struct Variation {
     pub disturb: Option<Disturb>,
     /// Time limits are computed from path and style instead of taken from the tasks.
     pub time_limits: bool,
+    /// Homes, of which the seed of an episode selects one; empty for the scene of `scenario`.
+    pub homes: Vec<String>,
     /// Share of episodes whose start has the target in view, 0 to 1.
     pub start_in_view: f64,
     /// Share of episodes in which the operator looks around before it drives, 0 to 1.
@@ -48,6 +52,7 @@ pub struct VariationFile {
     /// The operator's tempo, grasps and step sequence vary with the seed.
     pub operator: bool,
     specimens: u32,
+    homes: Option<Spanned<HomesFile>>,
     appearance: Option<AppearanceText>,
     start_in_view: Spanned<f64>,
     look_around: Spanned<f64>,
@@ -61,6 +66,7 @@ impl Default for VariationFile {
         Self {
             operator: true,
             specimens: 0,
+            homes: None,
             appearance: None,
             start_in_view: Spanned::new(0..0, 0.0),
             look_around: Spanned::new(0..0, 0.0),
@@ -98,7 +104,20 @@ impl VariationFile {
                 return Err((share.span(), what));
             }
         }
+        let homes = match self.homes {
+            None => Vec::new(),
+            Some(homes) => {
+                let span = homes.span();
+                if !scenario.scene.is_empty() || scenario.layout_seed.is_some() {
+                    let what = "homes and the scene of [scenario] exclude each other; remove one";
+                    return Err((span, what.to_owned()));
+                }
+                let names = homes.into_inner().names();
+                names.map_err(|what| (span, what))?
+            }
+        };
         Ok(Variation {
+            homes,
             scenario,
             specimens: self.specimens,
             language: self.language.map(LanguageFile::checked).transpose()?,
@@ -154,6 +173,9 @@ pub fn rejected_field(scenario: &v1::Scenario) -> Option<(&'static str, &'static
         time_limit_seconds: _,
         packs: _,
         draws: _,
+        layout_seed: _,
+        home_style: _,
+        object_split: _,
     } = scenario;
     [
         ("task", task.is_some(), "list tasks in [[task]]"),
@@ -291,6 +313,9 @@ impl Variation {
     pub fn for_episode(&self, seed: impl Into<EpisodeSeed>) -> v1::Scenario {
         let seed = seed.into();
         let mut scenario = self.scenario.clone();
+        if let Some(home) = self.home(seed) {
+            home.clone_into(&mut scenario.scene);
+        }
         scenario.calibration_seed = self.specimen(seed);
         scenario.language = self.language.as_ref().map(|l| l.message(seed.sentence));
         scenario.disturbances = self.disturb.map(|disturb| disturb.disturbances(seed));
@@ -309,6 +334,15 @@ impl Variation {
             sensor.seed.get_or_insert(seed.own());
         }
         scenario
+    }
+
+    /// The home of an episode; `None` without a list. Seeds take the homes in turn.
+    fn home(&self, seed: EpisodeSeed) -> Option<&str> {
+        // A further attempt takes another one: the task may not be offered in the first.
+        let turn = seed.scene.wrapping_add(seed.scene / ATTEMPT_STRIDE);
+        let turn = turn.checked_rem(self.homes.len() as u64)?;
+        let home = self.homes.get(usize::try_from(turn).ok()?);
+        home.map(String::as_str)
     }
 
     /// The intended error of the operator in an episode.
@@ -350,6 +384,11 @@ impl Variation {
         };
         if starts != Starts::default() {
             add(format!("starts={}", starts.name()));
+        }
+        if !self.homes.is_empty() {
+            let digest = Sha256::digest(self.homes.join(" "));
+            let digits: Vec<String> = digest[..4].iter().map(|b| format!("{b:02x}")).collect();
+            add(format!("homes={}:{}", self.homes.len(), digits.concat()));
         }
         if let Some(share) = variant_share {
             add(format!("bear_share={share}"));
@@ -462,6 +501,9 @@ fn take_images_and_rates(scenario: &mut v1::Scenario) -> [String; 7] {
         time_limit_seconds: _,
         packs: _,
         draws: _,
+        layout_seed: _,
+        home_style: _,
+        object_split: _,
     } = scenario;
     cameras.clear();
     *quality = v1::RenderQuality::Unspecified.into();
@@ -496,6 +538,29 @@ mod tests {
         assert_eq!((train.len(), claim.len()), (7, 7));
         assert!(train.is_disjoint(&claim));
         assert_eq!(Variation::default().specimen(3.into()), None);
+    }
+
+    #[test]
+    fn episodes_take_the_homes_in_turn_and_tasks_share_them() {
+        let homes = ["studio-nordic-1", "family-country-2", "senior-nordic-4"];
+        let variation = Variation {
+            homes: homes.map(str::to_owned).to_vec(),
+            ..Variation::default()
+        };
+        let scenes: Vec<String> = (9..15_u64)
+            .map(|seed| variation.for_episode(seed).scene)
+            .collect();
+        assert_eq!(scenes, [homes, homes].concat());
+        let words = variation.words(0);
+        assert!(words.contains("homes=3:"), "{words}");
+        assert_ne!(
+            words,
+            Variation {
+                homes: vec![homes[0].to_owned(); 3],
+                ..Variation::default()
+            }
+            .words(0)
+        );
     }
 
     #[test]

@@ -9,7 +9,7 @@ use anyhow::Context;
 use clap::Args;
 use wheelarm_proto::signals::Signals;
 use wheelarm_proto::{defaults, v1};
-use wheelarm_rollout::launcher::{Lifetime, Record, Recorder, Server, ServerOptions, all_cameras};
+use wheelarm_rollout::launcher::{Lifetime, Record, Recorder, Server, ServerOptions};
 use wheelarm_sdk::Connect;
 use wheelarm_teleop_web::{Gateway, Options};
 
@@ -44,33 +44,25 @@ pub struct DriveArgs {
     #[arg(long, default_value_t = 0, requires = "task")]
     pub seed: u64,
     /// Records that server's episodes into this folder.
-    #[arg(long, value_name = "FOLDER", requires = "task")]
+    #[arg(long, value_name = "DIR", requires = "task")]
     pub out: Option<PathBuf>,
-    /// Image size and rate of that server's cameras.
-    #[arg(long = "pictures", default_value = "640x360@10", requires = "task", value_name = "WxH@HZ", value_parser = image_format)]
-    pub images: (u32, u32, f64),
+    /// Camera of that server, NAME=WIDTHxHEIGHT@HZ, or WIDTHxHEIGHT@HZ for every camera of the
+    /// robot. May be repeated.
+    #[arg(long, alias = "pictures", default_value = "640x360@10", requires = "task", value_name = "CAMERA", value_parser = choice::camera)]
+    pub camera: Vec<v1::CameraSetting>,
     /// Folder of keys and users (`wheelarm keys init`): the page is encrypted and requires
     /// a password; the commander name is the user's.
-    #[arg(long, value_name = "FOLDER")]
+    #[arg(long, value_name = "DIR")]
     pub keys: Option<PathBuf>,
     /// Host name that browsers use for this host; may be repeated.
-    #[arg(long, value_name = "HOST", requires = "keys")]
-    pub name: Vec<String>,
+    #[arg(long, alias = "name", value_name = "NAME", requires = "keys")]
+    pub host: Vec<String>,
     /// Writes an audit log into this file: user, action and time, one JSON object per line.
     #[arg(long, value_name = "FILE")]
     pub audit: Option<PathBuf>,
     /// Serves the page's files from this folder, for their development.
-    #[arg(long, value_name = "FOLDER", hide = true)]
+    #[arg(long, value_name = "DIR", hide = true)]
     pub files: Option<PathBuf>,
-}
-
-fn image_format(text: &str) -> Result<(u32, u32, f64), String> {
-    let camera = v1::CameraSetting::from_text(&format!("*={text}"))?;
-    Ok((
-        camera.width,
-        camera.height,
-        camera.rate_hz.unwrap_or_default(),
-    ))
 }
 
 /// Runs `wheelarm drive` until it is interrupted.
@@ -100,7 +92,7 @@ pub fn run(connect: &Connect, args: &DriveArgs) -> anyhow::Result<ExitCode> {
         audit: args.audit.clone(),
         files: args.files.clone(),
         keys: args.keys.clone(),
-        names: args.name.clone(),
+        names: args.host.clone(),
         watch_only: false,
     };
     let gateway = runtime.block_on(Gateway::open(&options))?;
@@ -133,13 +125,16 @@ struct OwnServer {
 
 impl OwnServer {
     fn start(task: &str, args: &DriveArgs) -> anyhow::Result<Self> {
-        let (width, height, rate) = args.images;
+        eprintln!(
+            "starting a server: scene {}, task {task}, seed {}",
+            args.scene, args.seed
+        );
         let server = Server::start(&ServerOptions {
             scenario: v1::Scenario {
                 scene: args.scene.clone(),
                 task: Some(task.to_owned()),
                 seed: Some(args.seed),
-                cameras: vec![all_cameras(width, height, rate)],
+                cameras: args.camera.clone(),
                 pacing: v1::Pacing::RealTime.into(),
                 ..v1::Scenario::default()
             },
@@ -150,8 +145,7 @@ impl OwnServer {
             .out
             .as_deref()
             .map(|out| {
-                std::fs::create_dir_all(out)
-                    .with_context(|| format!("making the folder {}", out.display()))?;
+                choice::make_folder(out)?;
                 let record = Record::new("drive", out);
                 Recorder::start(server.connect(), &record, Lifetime::Lasting)
             })

@@ -6,15 +6,15 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use clap::{Args, Subcommand, ValueEnum};
-use wheelarm_import::home_places::PlaceRobot;
-use wheelarm_import::home_report::{Posture, RobotFacts};
-use wheelarm_import::{Joints, Options, Summary, home_places, import_file, slug, write};
+use wheelarm_homes::home_places::{self, PlaceRobot};
+use wheelarm_homes::home_report::{Posture, RobotFacts};
+use wheelarm_import::{Joints, Options, Summary, import_file, slug, write};
 use wheelarm_options::packs::PackArgs;
 use wheelarm_pack::{Pack, Store};
 use wheelarm_proto::installed::{self, ASSETS_VARIABLE};
 
 use crate::home_make::{self, MakeArgs};
-use crate::home_report::{self, ReportArgs, store};
+use crate::home_report::{self, DRIVING_POSTURE, ReportArgs, store};
 
 /// Names of pieces that are printed for one reason.
 const MOST_NAMES: usize = 12;
@@ -67,12 +67,12 @@ pub struct ImportArgs {
     /// Robot of the places, a folder in assets/robots.
     #[arg(long, default_value = "wheelarm")]
     robot: String,
-    /// Posture of the arm in which the scripted operator drives: home or travel.
-    #[arg(long, default_value = "home")]
+    /// Posture of the arm in which the scripted operator drives: travel or home.
+    #[arg(long, default_value = DRIVING_POSTURE)]
     posture: Posture,
     /// License of the home when the file states none, for example CC-BY-4.0.
-    #[arg(long, alias = "license", value_name = "TEXT")]
-    licence: Option<String>,
+    #[arg(long, alias = "licence", value_name = "TEXT")]
+    license: Option<String>,
     /// Folder of packs that receives the new one [default: the first of the folders below].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -137,7 +137,7 @@ fn import(args: &ImportArgs) -> anyhow::Result<String> {
             JointsOption::All => Joints::All,
             JointsOption::None => Joints::None,
         },
-        licence: args.licence.clone(),
+        license: args.license.clone(),
     };
     let imported = import_file(&args.file, &options)?;
     let folders = store(&args.packs);
@@ -201,6 +201,16 @@ fn with_places(args: &ImportArgs, pack: Pack) -> anyhow::Result<(Pack, String)> 
         let room = place.room.as_deref().unwrap_or("no room");
         writeln!(text, "place: {}/{} in {room}", place.on, place.surface)?;
     }
+    let handles = found.pack.home().map_or(&[][..], |home| &home.handle);
+    if found.leaves > 0 {
+        writeln!(
+            text,
+            "{} of {} doors and drawers of furniture open, {} of them from a start in their room",
+            handles.len(),
+            found.leaves,
+            handles.iter().filter(|handle| handle.apart).count()
+        )?;
+    }
     for skipped in &found.skipped {
         writeln!(text, "no place: {}: {}", skipped.surface, skipped.reason)?;
     }
@@ -258,6 +268,7 @@ fn list(store: &Store) -> anyhow::Result<String> {
     let mut text = String::new();
     for (name, path) in store.candidates() {
         match Pack::open(&path) {
+            Ok(pack) if pack.manifest().hidden => {}
             Ok(pack) => {
                 let Some(home) = pack.home() else {
                     continue;
@@ -270,10 +281,15 @@ fn list(store: &Store) -> anyhow::Result<String> {
                     .sum();
                 writeln!(
                     text,
-                    "{name}  {} rooms, {} pieces, {surfaces} surfaces, licence {}  {}",
+                    "{name}  {} rooms, {} pieces, {surfaces} surfaces, license {}{}  {}",
                     home.room.len(),
                     home.piece.len(),
                     home.license,
+                    if pack.manifest().held_out {
+                        ", held out"
+                    } else {
+                        ""
+                    },
                     path.display()
                 )?;
             }
@@ -310,7 +326,7 @@ mod tests {
             placed: 1,
             left_out: vec![left("Chair"), left("Chair")],
             other_levels: vec!["Roof".into()],
-            notes: vec!["licence of the home is not stated".into()],
+            notes: vec!["license of the home is not stated".into()],
             ..Summary::default()
         };
         let text = describe("flat", &summary).unwrap();
@@ -318,7 +334,7 @@ mod tests {
             "1 of 3 pieces",
             "left out, 2: Chair (2): --without chairs",
             "other levels: Roof",
-            "note: licence",
+            "note: license",
         ] {
             assert!(text.contains(part), "{part:?} in {text}");
         }

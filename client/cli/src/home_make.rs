@@ -5,12 +5,15 @@ use std::fmt::Write;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 use clap::Args;
-use wheelarm_import::home_places::PlaceRobot;
-use wheelarm_import::home_report::{Finding, Home, Posture, RobotFacts, plan};
-use wheelarm_import::layout::{self, Catalog, LayoutError, Order, OwnHome};
+use wheelarm_homes::home_places::PlaceRobot;
+use wheelarm_homes::home_report::{Finding, Home, Posture, RobotFacts};
+use wheelarm_homes::layout::{self, Catalog, CatalogError, LayoutError, Order, OwnHome};
+use wheelarm_homes::own_home::{DEFAULT_STYLE, OwnHomeId};
+use wheelarm_import::home_report::plan;
 use wheelarm_import::write;
+use wheelarm_options::choice::did_you_mean;
 use wheelarm_options::packs::PackArgs;
 use wheelarm_pack::Pack;
 use wheelarm_proto::installed::{self, ASSETS_VARIABLE};
@@ -26,9 +29,13 @@ pub struct MakeArgs {
     /// Plan, a file in assets/homes/plans.
     #[arg(value_name = "PLAN", required_unless_present = "list")]
     plan: Option<String>,
-    /// Style, a file in assets/homes/styles; `all` takes them in turn.
-    #[arg(long, default_value = "nordic")]
+    /// Style, a file in assets/homes/styles; `all` takes them in turn, those that are held out
+    /// for tests only with --held-out.
+    #[arg(long, default_value = DEFAULT_STYLE)]
     style: String,
+    /// Makes homes of plans and styles that are held out for tests. Train in none of them.
+    #[arg(long)]
+    held_out: bool,
     /// Seed of the layout: sizes, sides, order and small objects.
     #[arg(long, default_value_t = 0, value_name = "N")]
     layout_seed: u64,
@@ -88,29 +95,27 @@ pub fn run(args: &MakeArgs) -> anyhow::Result<String> {
         Some(text) => range(text)?,
         None => args.layout_seed..args.layout_seed.saturating_add(1),
     };
-    let styles: Vec<&str> = match args.style.as_str() {
-        "all" => catalog.styles.keys().map(String::as_str).collect(),
-        style => vec![style],
-    };
+    let styles = styles(&catalog, plan, args)?;
     if styles.is_empty() {
         anyhow::bail!(
             "no style in {}/homes/styles; is the assets folder complete?",
             assets.display()
         );
     }
+    let known_plan = known(catalog.plan(plan))?;
     let mut text = String::new();
     let mut results = Results::default();
     for seed in seeds {
         let style = styles[(seed % styles.len() as u64) as usize];
-        let default = format!("{plan}-{style}-{seed}");
+        let default = name_of(plan, style, seed);
         let name = args.name.as_deref().unwrap_or(&default);
         if wheelarm_proto::keys::check_name(name).is_err() {
             anyhow::bail!("invalid --name {name:?}: 1 to 64 letters, digits, `-` or `_`");
         }
         let order = Order {
             catalog: &catalog,
-            plan: (plan, catalog.plan(plan)?),
-            style: (style, catalog.style(style)?),
+            plan: (plan, known_plan),
+            style: (style, known(catalog.style(style))?),
             seed,
             name,
         };
@@ -139,7 +144,7 @@ pub fn run(args: &MakeArgs) -> anyhow::Result<String> {
         text.push_str(&results.table(plan)?);
     } else if !args.check {
         let name = args.name.clone();
-        let name = name.unwrap_or_else(|| format!("{plan}-{}-{}", styles[0], args.layout_seed));
+        let name = name.unwrap_or_else(|| name_of(plan, styles[0], args.layout_seed));
         let packs = match &args.out {
             Some(out) => format!(" --packs {}", out.display()),
             None => String::new(),
@@ -150,6 +155,41 @@ pub fn run(args: &MakeArgs) -> anyhow::Result<String> {
         )?;
     }
     Ok(text)
+}
+
+fn name_of(plan: &str, style: &str, layout_seed: u64) -> String {
+    OwnHomeId {
+        plan: plan.to_owned(),
+        style: style.to_owned(),
+        layout_seed,
+    }
+    .to_string()
+}
+
+/// The styles to make. Those that are held out need `--held-out`, as a plan does.
+fn styles<'a>(
+    catalog: &'a Catalog,
+    plan: &str,
+    args: &'a MakeArgs,
+) -> anyhow::Result<Vec<&'a str>> {
+    let held_out = |what, name: &str| {
+        format!(
+            "the {what} {name:?} is held out for tests: add --held-out to make homes of it, and \
+             train in none of them"
+        )
+    };
+    if known(catalog.plan(plan))?.held_out && !args.held_out {
+        anyhow::bail!(held_out("plan", plan));
+    }
+    if args.style != "all" {
+        if known(catalog.style(&args.style))?.held_out && !args.held_out {
+            anyhow::bail!(held_out("style", &args.style));
+        }
+        return Ok(vec![args.style.as_str()]);
+    }
+    let all = catalog.styles.iter();
+    let all = all.filter(|(_, style)| args.held_out || !style.held_out);
+    Ok(all.map(|(name, _)| name.as_str()).collect())
 }
 
 /// Writes a home with its places, its report and the plan image. Returns what was written.
@@ -164,6 +204,16 @@ fn written(home: &OwnHome, robot: PlaceRobot<'_>, folder: &Path) -> anyhow::Resu
     files.insert("plan.png".to_owned(), plan(&finding_home, &finding)?);
     let path = write(&Pack::from_files(files)?, folder)?;
     Ok(format!(", {places} places  {}", path.display()))
+}
+
+/// What a catalog has, or its error with the nearest name.
+fn known<T>(found: Result<T, CatalogError>) -> anyhow::Result<T> {
+    found.map_err(|error| match &error {
+        CatalogError::Unknown { name, known, .. } => {
+            anyhow!("{error}{}", did_you_mean(name, known.split(", ")))
+        }
+        _ => error.into(),
+    })
 }
 
 /// A range `A..B`.
@@ -250,6 +300,7 @@ mod tests {
         MakeArgs {
             plan: Some(plan.to_owned()),
             style: "nordic".to_owned(),
+            held_out: false,
             layout_seed: 0,
             layout_seeds: None,
             name: None,
@@ -279,6 +330,28 @@ mod tests {
         args.list = true;
         let text = run(&args).unwrap();
         assert_eq!(text.matches("(held out)").count(), 4, "{text}");
+    }
+
+    #[test]
+    fn held_out_plans_and_styles_are_made_on_request_only() {
+        let folder = tempfile::tempdir().unwrap();
+        let catalog = Catalog::read(&args("", folder.path()).assets.unwrap()).unwrap();
+        let chosen = |plan: &str, style: &str, held_out| {
+            let mut args = args(plan, folder.path());
+            (args.style, args.held_out) = (style.to_owned(), held_out);
+            let styles = styles(&catalog, plan, &args).map_err(|e| e.to_string())?;
+            Ok::<_, String>(styles.join(" "))
+        };
+        assert_eq!(chosen("studio", "all", false).unwrap(), "country nordic");
+        assert_eq!(
+            chosen("loft", "all", true).unwrap(),
+            "country modern nordic"
+        );
+        for (plan, style) in [("loft", "nordic"), ("studio", "modern")] {
+            let error = chosen(plan, style, false).unwrap_err();
+            assert!(error.contains("--held-out"), "{error}");
+            assert_eq!(chosen(plan, style, true).unwrap(), style);
+        }
     }
 
     #[test]

@@ -6,9 +6,13 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::Args;
 use wheelarm_import::home_report::{Finding, Home, Posture, RobotFacts, page, plan, text};
+use wheelarm_options::choice::did_you_mean;
 use wheelarm_options::packs::PackArgs;
 use wheelarm_pack::{Pack, Store};
 use wheelarm_proto::installed::{self, ASSETS_VARIABLE};
+
+/// Posture in which the scripted operator drives far; the default of reports and imports.
+pub(crate) const DRIVING_POSTURE: &str = "travel";
 
 /// Arguments of `wheelarm home report`.
 #[derive(Args, Debug)]
@@ -20,7 +24,7 @@ pub struct ReportArgs {
     #[arg(long, default_value = "wheelarm")]
     robot: String,
     /// Posture of the arm while the chair drives: travel or home.
-    #[arg(long, default_value = "travel")]
+    #[arg(long, default_value = DRIVING_POSTURE)]
     posture: Posture,
     /// Prints the report as JSON.
     #[arg(long)]
@@ -99,9 +103,13 @@ fn open(home: &str, store: &Store) -> anyhow::Result<Pack> {
         let folders = store.folders().iter();
         let folders: Vec<String> = folders.map(|f| f.display().to_string()).collect();
         format!(
-            "no pack {home:?} in {}; available: {}; name a folder with --packs, or import a home with `wheelarm home import FILE.sh3d`",
+            "no pack {home:?} in {}; available: {}; name a folder with --packs, or import a home with `wheelarm home import FILE.sh3d`{}",
             folders.join(", "),
-            names.join(", ")
+            match names.is_empty() {
+                true => "none".to_owned(),
+                false => names.join(", "),
+            },
+            did_you_mean(home, names.iter().map(String::as_str))
         )
     })
 }

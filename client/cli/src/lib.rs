@@ -10,6 +10,7 @@ pub mod control;
 pub mod demo;
 pub mod doctor;
 pub mod drive;
+pub mod help;
 pub mod home;
 pub mod home_make;
 pub mod home_report;

@@ -23,11 +23,14 @@ use wheelarm_campaign::multiply::{self, MultiplyArgs};
 use wheelarm_campaign::replay::{self, ReplayArgs};
 use wheelarm_cli::accounts::{self, KeysCommand, RouterArgs, UsersCommand};
 use wheelarm_cli::cache::{self, CacheArgs};
-use wheelarm_cli::control::{self, EpisodeCommand, LeaseCommand, ResetArgs, ShutdownArgs, manual};
+use wheelarm_cli::control::{
+    self, EpisodeCommand, LeaseCommand, ResetArgs, SERVER, ShutdownArgs, manual,
+};
 #[cfg(feature = "hdf5")]
 use wheelarm_cli::demo::{self, DemoArgs};
 use wheelarm_cli::doctor::{self, DoctorArgs};
 use wheelarm_cli::drive::{self, DriveArgs};
+use wheelarm_cli::help;
 use wheelarm_cli::home::{self, HomeCommand};
 use wheelarm_cli::new::{self, NewArgs};
 use wheelarm_cli::object::{self, ObjectCommand};
@@ -47,16 +50,15 @@ use wheelarm_sdk::Connect;
 use wheelarm_teleop_terminal::{self as teleop, TeleopArgs};
 use wheelarm_teleop_web::preview::{self, PreviewArgs};
 
-/// Clients of the WheelArm simulator: operate, record, replay, watch.
+/// Simulation of a wheelchair with an arm: drive, record, make data, evaluate.
 ///
-/// Every command connects to one server, which listens on 127.0.0.1 unless it has keys.
+/// Commands for a running server connect to one server, which listens on 127.0.0.1 unless it has keys.
 /// With keys, --connect tls/HOST:7447 --keys DIR reaches it from other hosts. Without
 /// keys, forward its port through SSH.
 #[derive(Parser)]
 #[command(
     name = "wheelarm",
     version = version(),
-    about,
     allow_external_subcommands = true,
     after_long_help = manual::WHEELARM
 )]
@@ -158,26 +160,28 @@ enum Command {
     /// again at every start. WHEELARM_CACHE names another folder, or `off`.
     #[command(after_long_help = manual::CACHE)]
     Cache(CacheArgs),
-    /// Imports homes that were drawn with Sweet Home 3D, and lists the homes of packs.
+    /// Makes, imports, lists and reports homes.
     ///
+    /// Homes come from plans by seed, or from drawings of Sweet Home 3D.
     /// An import writes a world pack: walls, rooms, furniture with collision shapes, doors
     /// and drawers on joints, a start for the chair. Servers find it with --packs.
     #[command(subcommand, after_long_help = manual::HOME)]
     Home(HomeCommand),
-    /// Imports meshes as objects of packs, and checks that the scripted operator lifts them.
+    /// Imports meshes as objects, and checks that the scripted operator lifts them.
     ///
     /// An import writes collision shapes, mass and grasps beside the mesh. Tasks place the
     /// objects of a pack with --objects PACK.
     #[command(subcommand, after_long_help = manual::OBJECT)]
     Object(ObjectCommand),
-    /// Checks, lists, sends and extracts world packs: homes and kinds of furniture and objects.
+    /// Checks, lists, sends and extracts world packs: homes and objects.
     ///
     /// A server finds packs in its folders (--packs, WHEELARM_PACKS); the name of a pack with a
     /// home is the name of a scene. Recordings contain their packs.
     #[command(subcommand, after_long_help = manual::PACK)]
     Pack(PackCommand),
-    /// Makes a folder of your own from a template: object, task, scene, camera, robot, policy, device.
+    /// Makes a folder of your own from a template, for example of an object.
     ///
+    /// Templates of object, task, scene, camera, robot, policy and device.
     /// Objects, tasks and scenes are world packs, found with --packs. Cameras and robots are
     /// copies of the shipped robot. Policies and devices are programs in Python.
     #[command(after_long_help = manual::NEW)]
@@ -211,7 +215,10 @@ enum Command {
     Evaluate(Box<EvaluateArgs>),
     /// Makes a dataset from a plan, on one host or in parts on many.
     #[cfg(feature = "hdf5")]
-    #[command(after_long_help = manual::COLLECT)]
+    #[command(
+        after_long_help = manual::COLLECT,
+        override_usage = "wheelarm collect [OPTIONS] <PLAN>\n       wheelarm collect --merge <DIR>... [--out <DIR>]"
+    )]
     Collect(CollectArgs),
     /// Makes many episodes from a few, by adapting the recorded hand motion to other scenes.
     ///
@@ -292,10 +299,15 @@ impl Command {
     }
 }
 
+/// The command line with its help.
+fn command_line() -> clap::Command {
+    help::shaped(Cli::command())
+}
+
 fn main() -> ExitCode {
     end_with_output();
     end_as_first_process();
-    let matches = Cli::command().get_matches();
+    let matches = command_line().get_matches();
     reject_unused_server_options(&matches);
     let mut cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let filter = "warn,zenoh=error";
@@ -345,7 +357,9 @@ fn name_by_keys(cli: &mut Cli, connect: &Connect, matches: &ArgMatches) {
     let is_given = |id: &str| named.value_source(id) == Some(ValueSource::CommandLine);
     match &mut cli.command {
         Command::Operate(args) if !is_given("commander") => args.commander = user,
-        Command::Lease(LeaseCommand::Hold(args)) if !is_given("name") => args.name = user,
+        Command::Lease(LeaseCommand::Hold(args)) if !is_given("commander") => {
+            args.commander = user;
+        }
         #[cfg(feature = "terminal")]
         Command::Teleop(args) if !is_given("commander") => args.commander = user,
         #[cfg(feature = "hdf5")]
@@ -356,7 +370,7 @@ fn name_by_keys(cli: &mut Cli, connect: &Connect, matches: &ArgMatches) {
 
 /// Rejects the server options for commands that start their own servers.
 fn reject_unused_server_options(matches: &ArgMatches) {
-    let own = ["demo", "evaluate", "collect", "multiply", "replay"];
+    let own = ["demo", "evaluate", "collect", "multiply", "replay", SERVER];
     let Some((command, _)) = matches.subcommand().filter(|(name, _)| own.contains(name)) else {
         return;
     };
@@ -366,7 +380,12 @@ fn reject_unused_server_options(matches: &ArgMatches) {
         ("connect_timeout", "--connect-timeout"),
     ] {
         if matches.value_source(id) == Some(ValueSource::CommandLine) {
-            let message = format!("`wheelarm {command}` starts its own servers: omit {option}\n");
+            let message = match command {
+                SERVER => format!(
+                    "{option} selects a running server; options of `wheelarm server` follow the word `server`\n"
+                ),
+                _ => format!("`wheelarm {command}` starts its own servers: omit {option}\n"),
+            };
             Cli::command()
                 .error(ErrorKind::ArgumentConflict, message)
                 .exit();
@@ -381,7 +400,9 @@ fn run(cli: Cli, connect: Connect) -> anyhow::Result<ExitCode> {
         Command::Status => control::status(&connect)?,
         Command::Tasks => control::tasks(&connect)?,
         Command::Reset(args) => {
-            let scenario = control::reset(&client()?, args)?;
+            let open = client()?;
+            let what = format!("the server {:?} to set up the scenario", connect.sim);
+            let scenario = control::announced(&what, || control::reset(&open, args))?;
             println!(
                 "scene {}, task {}, seed {}: {:?}",
                 scenario.scene,
@@ -429,7 +450,7 @@ fn run(cli: Cli, connect: Connect) -> anyhow::Result<ExitCode> {
         Command::Users(command) => accounts::users(keys, command)?,
         Command::Router(args) => accounts::route(keys, args)?,
         Command::Completions { shell } => {
-            let mut command = Cli::command();
+            let mut command = command_line();
             let mut script = Vec::new();
             clap_complete::generate(*shell, &mut command, "wheelarm", &mut script);
             print!("{}", String::from_utf8_lossy(&script));
@@ -458,6 +479,6 @@ fn subcommands() -> Vec<String> {
 
 fn write_manual(folder: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder)
-        .and_then(|()| clap_mangen::generate_to(Cli::command(), folder))
+        .and_then(|()| clap_mangen::generate_to(command_line(), folder))
         .with_context(|| format!("writing man pages into {}", folder.display()))
 }

@@ -197,12 +197,12 @@ fn next_commands(kind: Kind, name: &str, parent: &Path) -> String {
         Kind::Object => format!("{pack} --task pick_{name} --seeds 0..5"),
         Kind::Task => format!("{pack} --task {name} --seeds 0..5"),
         Kind::Scene => format!("{pack} --task take_mustard --seeds 0..5"),
-        Kind::Camera => format!("  wheelarm demo --robot {name} --width 640 --height 360"),
+        Kind::Camera => format!("  wheelarm demo --robot {name} --camera 640x360@10"),
         Kind::Robot => {
             format!("  wheelarm evaluate --robot {name} --task pick_mustard --seeds 0..5")
         }
         Kind::Policy => format!(
-            "  wheelarm demo --seeds 0..20 --rate 10 --width 96 --height 54 --no-sheet --out recorded\n  \
+            "  wheelarm demo --seeds 0..20 --camera 96x54@10 --no-sheet --out recorded\n  \
              wheelarm dataset export --format robomimic recorded --out {parent}/{name}/rows.hdf5\n  \
              wheelarm evaluate --task pick_mustard --seeds 0..5 --policy exec:\"python {parent}/{name}/policy.py\" --training-seeds"
         ),

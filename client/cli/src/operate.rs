@@ -31,10 +31,10 @@ pub struct OperateArgs {
     #[arg(long, default_value_t = 0, value_name = "N")]
     pub require_recorders: u32,
     /// Commander name of the operator.
-    #[arg(long, default_value = "operator", value_parser = choice::name)]
+    #[arg(long, default_value = "operator", value_parser = choice::name, value_name = "NAME")]
     pub commander: String,
     /// Takes control over from the commander that holds it.
-    #[arg(long)]
+    #[arg(long, alias = "force")]
     pub take: bool,
     /// Seed of the operator profile; the scenario's when absent.
     #[arg(long)]

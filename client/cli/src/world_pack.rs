@@ -25,8 +25,8 @@ pub enum PackCommand {
         #[arg(long, value_name = "FILE")]
         zip: Option<PathBuf>,
         /// Fails unless every part permits this use, by its license.
-        #[arg(long, alias = "license", value_name = "USE")]
-        licence: Option<LicensedUse>,
+        #[arg(long, alias = "licence", value_name = "USE")]
+        license: Option<LicensedUse>,
     },
     /// Lists the packs of the folders, or those that a server finds.
     List(ListArgs),
@@ -87,7 +87,7 @@ pub fn run(
     open: impl FnOnce() -> Result<Client, ClientError>,
 ) -> anyhow::Result<String> {
     match command {
-        PackCommand::Check { path, zip, licence } => check(path, zip.as_deref(), *licence),
+        PackCommand::Check { path, zip, license } => check(path, zip.as_deref(), *license),
         PackCommand::List(args) if args.server => list_of_server(&open()?),
         PackCommand::List(args) => list(&args.packs.packs),
         PackCommand::Put { path } => put(&open()?, path),
@@ -106,10 +106,10 @@ fn open_pack(path: &Path) -> anyhow::Result<Pack> {
     Pack::open(path).with_context(|| format!("{} cannot be used", path.display()))
 }
 
-fn check(path: &Path, zip: Option<&Path>, licence: Option<LicensedUse>) -> anyhow::Result<String> {
+fn check(path: &Path, zip: Option<&Path>, license: Option<LicensedUse>) -> anyhow::Result<String> {
     let pack = open_pack(path)?;
     let mut text = describe(&pack)?;
-    match (licence, pack.check_commercial()) {
+    match (license, pack.check_commercial()) {
         (_, Ok(())) => text += "every part permits commercial use\n",
         (None, Err(problem)) => writeln!(text, "note: {problem}")?,
         (Some(LicensedUse::Commercial), Err(problem)) => return Err(problem.into()),

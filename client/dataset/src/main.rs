@@ -7,15 +7,16 @@ mod commands;
 
 use std::process::ExitCode;
 
-use clap::Parser;
-
 fn main() -> ExitCode {
     wheelarm_proto::output::end_with_output();
     wheelarm_proto::signals::end_as_first_process();
-    match commands::main(commands::Cli::parse()) {
+    match commands::main(commands::Cli::read()) {
         Ok(code) => ExitCode::from(code),
         Err(problem) => {
-            eprintln!("{}", wheelarm_proto::program::error_chain(problem.as_ref()));
+            eprintln!(
+                "error: {}",
+                wheelarm_proto::program::error_chain(problem.as_ref())
+            );
             ExitCode::FAILURE
         }
     }

@@ -40,6 +40,8 @@ impl SceneModel {
         for obb in &self.furniture {
             footprint.put(obb.rectangle(), obb.heights());
         }
+        let boxes = self.furniture.iter();
+        footprint.put_edges(boxes.map(|obb| (obb.rectangle(), obb.heights())));
         footprint
     }
 

@@ -32,6 +32,9 @@ const FORCE_BY_WIDTH: [f64; 2] = [0.75, 0.5];
 const BOW: [f64; 2] = [0.13, 0.28];
 /// To which side they bow, radians from upwards.
 const SIDE: f64 = 1.2;
+/// Greatest speed with the arm stowed and in narrow places, m/s, and on arcs: the chair begins
+/// to turn late, and doors are narrow.
+const NARROW: [f64; 2] = [0.35, 0.2];
 /// Overlap of the legs of one movement.
 const OVERLAP: [f64; 2] = [0.15, 0.40];
 
@@ -138,6 +141,15 @@ impl OperatorProfile {
         self.at_speeds(chair.min(1.0), arm);
         self.habits = Some(Habits::sample(rng));
         self
+    }
+
+    /// The same with the speed of a chair in narrow places.
+    #[must_use]
+    pub fn in_narrow_places(&self) -> Self {
+        let mut slow = *self;
+        slow.drive.speed = slow.drive.speed.min(NARROW[0]);
+        slow.drive.bend_speed = NARROW[1];
+        slow
     }
 
     /// Multiplies the speeds of chair and arm. Accelerations fall more, by the power 1.5: a

@@ -1,6 +1,6 @@
 //! The scene: the checked reply of the `scene` query. Decisions are made elsewhere.
 
-use nalgebra::{Isometry3, Point3, Unit, Vector3};
+use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 use wheelarm_proto::check::{self, Invalid};
 use wheelarm_proto::furniture::JointMotion;
 use wheelarm_proto::geometry::normalized;
@@ -9,6 +9,7 @@ use wheelarm_proto::v1;
 use super::hand::Hand;
 use super::observation::Observation;
 use wheelarm_planning::footprint_check::{Limb, Outline, occupied};
+use wheelarm_planning::handle::LAGS;
 use wheelarm_planning::obb::Obb;
 
 /// A movable object: a rigid or deformable object, or furniture that slides.
@@ -58,6 +59,37 @@ impl Slide {
         let at = |share: f64| self.motion.displacement(&self.axis, &self.rest, by * share) * hand;
         let shares = (1..=stops).map(|stop| f64::from(stop) / f64::from(stops));
         shares.map(at).collect()
+    }
+
+    /// The same for a hand that turns less than the furniture: about a bar, `grip` metres before
+    /// the hand, it lags by a share of the angle. What slides does not turn.
+    #[must_use]
+    pub fn carried_about_bar(
+        &self,
+        hand: &Isometry3<f64>,
+        by: f64,
+        (lag, grip): (f64, f64),
+    ) -> Vec<Isometry3<f64>> {
+        let mut poses = self.carried(hand, by);
+        if self.motion == JointMotion::Turns && lag != 0.0 {
+            let count = poses.len() as f64;
+            for (i, pose) in poses.iter_mut().enumerate() {
+                let turned = by * (i + 1) as f64 / count;
+                let back = UnitQuaternion::from_axis_angle(&self.axis, -lag * turned);
+                let bar = Translation3::from(*pose * Point3::new(0.0, 0.0, grip));
+                *pose = bar * back * bar.inverse() * *pose;
+            }
+        }
+        poses
+    }
+
+    /// Shares of its angle by which a hand may lag about the handle, the least first.
+    #[must_use]
+    pub fn lags(&self) -> &'static [f64] {
+        match self.motion {
+            JointMotion::Slides => &[0.0],
+            JointMotion::Turns => &LAGS,
+        }
     }
 
     /// A length along the path of the hand, metres, as a change of the position: itself
@@ -367,4 +399,42 @@ fn footprint(footprint: Option<&v1::Footprint>) -> Result<[f64; 4], Invalid> {
         footprint.y_max,
     ];
     check::list("footprint", &sides)
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::*;
+
+    #[test]
+    fn hand_that_lags_behind_a_door_keeps_the_handle_and_turns_less() {
+        let door = Slide {
+            name: "door_joint".to_owned(),
+            item: 0,
+            rest: Isometry3::translation(1.0, 2.0, 0.5),
+            motion: JointMotion::Turns,
+            axis: Vector3::z_axis(),
+        };
+        let hand = Isometry3::new(Vector3::new(0.6, 1.6, 0.9), Vector3::new(0.0, 1.2, 0.0));
+        let grip = 0.16;
+        let bar = |pose: &Isometry3<f64>| pose * Point3::new(0.0, 0.0, grip);
+        let [rigid, lagging] =
+            [0.0, 0.8].map(|lag| door.carried_about_bar(&hand, 0.8, (lag, grip)));
+        assert_eq!(rigid, door.carried(&hand, 0.8));
+        for (rigid, lagging) in rigid.iter().zip(&lagging) {
+            assert!((bar(rigid) - bar(lagging)).norm() < 1e-12);
+        }
+        let turned = |poses: &[Isometry3<f64>]| {
+            poses
+                .last()
+                .map_or(0.0, |pose| pose.rotation.angle_to(&hand.rotation))
+        };
+        assert!((turned(&rigid) - 0.8).abs() < 1e-9 && (turned(&lagging) - 0.16).abs() < 1e-9);
+        let drawer = Slide {
+            motion: JointMotion::Slides,
+            ..door
+        };
+        assert_eq!(drawer.lags(), [0.0]);
+    }
 }

@@ -4,9 +4,9 @@
 use std::path::Path;
 use std::process::ExitCode;
 
-use wheelarm_import::home_places::PlaceRobot;
-use wheelarm_import::home_report::{Posture, RobotFacts};
-use wheelarm_import::{Options, home_places, import_file, write};
+use wheelarm_homes::home_places::{self, PlaceRobot};
+use wheelarm_homes::home_report::{Posture, RobotFacts};
+use wheelarm_import::{Options, import_file, write};
 
 fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).collect();
@@ -31,10 +31,11 @@ fn run(words: &[String]) -> Result<(), Box<dyn std::error::Error>> {
     println!("{:#?}", imported.summary);
     let mut pack = imported.pack;
     if let Some(assets) = assets.first() {
-        let robot = RobotFacts::read(Path::new(assets), "wheelarm", Posture::Home)?;
+        let read = |posture| RobotFacts::read(Path::new(assets), "wheelarm", posture);
+        let (drives, starts) = (read(Posture::Travel)?, read(Posture::Home)?);
         let robot = PlaceRobot {
-            drives: &robot,
-            starts: &robot,
+            drives: &drives,
+            starts: &starts,
         };
         let found = home_places::add(&pack, robot)?;
         println!(

@@ -30,5 +30,7 @@ fn run(words: &[String]) -> Result<String, Box<dyn std::error::Error>> {
     let place = |ending: &str| Path::new(folder).join(format!("{}.{ending}", home.name));
     std::fs::write(place("png"), &png)?;
     std::fs::write(place("html"), page(&finding.report, &png)?)?;
+    let json = serde_json::to_string_pretty(&finding.report)?;
+    std::fs::write(place("json"), json)?;
     Ok(text(&finding.report)?)
 }

@@ -1,6 +1,5 @@
 //! Imports homes of Sweet Home 3D (`.sh3d`) and meshes of objects ([`object`]) as world packs,
-//! reports what a robot reaches in a home ([`home_report`]), and adds the places of tasks
-//! ([`home_places`]).
+//! and shows the report on a home ([`home_report`]).
 //!
 //! ```text
 //! archive ─► sh3d (Home.xml) ─► plan: level, walls, openings ─► rooms
@@ -20,10 +19,8 @@ mod build;
 mod error;
 mod fit;
 mod glb;
-pub mod home_places;
 pub mod home_report;
 mod joints;
-pub mod layout;
 mod model;
 pub mod object;
 mod paint;

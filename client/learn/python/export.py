@@ -8,6 +8,7 @@ import argparse
 import sys
 from pathlib import Path
 
+import ledger
 import policy_file
 
 
@@ -22,7 +23,7 @@ def main():
         return 1
     try:
         state, card = policy_file.read(options.policy)
-        policy_file.write(options.out, state, card, options.bits)
+        policy_file.write(options.out, state, card, options.bits, record=ledger.read(options.policy))
     except (ValueError, OSError) as error:
         print(f"export.py: {error}", file=sys.stderr)
         return 1

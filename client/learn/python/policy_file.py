@@ -10,6 +10,7 @@ import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
+import ledger
 from episodes import word_indices
 from network import Policy, Shape
 
@@ -56,9 +57,9 @@ def unpack(tensors):
     return out
 
 
-def write(path, state, card, bits=16, training=False):
-    """Writes the policy, and next to it the card with the hash of the file as JSON. Without
-    `training`, tensors that only training needs are left out.
+def write(path, state, card, bits=16, training=False, record=None):
+    """Writes the policy, and next to it the card with the hash of the file as JSON, and the
+    training ledger `record`. Without `training`, tensors that only training needs are left out.
 
     Raises ValueError when a tensor is not finite."""
     path = Path(path)
@@ -73,6 +74,7 @@ def write(path, state, card, bits=16, training=False):
     part.replace(path)
     sidecar = {**card, "weights_sha256": sha256(path), "bytes": path.stat().st_size}
     path.with_suffix(".json").write_text(json.dumps(sidecar, indent=1) + "\n")
+    ledger.write(path, record, sidecar["weights_sha256"])
 
 
 def read(path):

@@ -24,6 +24,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+import ledger
 import policy_file
 from episodes import UNKNOWN, split_words
 from network import Policy, Shape
@@ -294,7 +295,8 @@ def encode(options):
         # A further training starts from the former words.
         "words": words_for_card(network, before),
     }  # fmt: skip
-    policy_file.write(options.out, encoder.state_dict(), card, options.bits)
+    record = ledger.with_sentences(ledger.read(options.policy), (" ".join(words) for _, words in sentences))
+    policy_file.write(options.out, encoder.state_dict(), card, options.bits, record=record)
     print(f"{options.out}: {len(all_words)} words, {options.out.stat().st_size / 1e6:.2f} MB")
     return 0
 

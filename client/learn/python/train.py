@@ -24,6 +24,7 @@ import torch
 
 import keypoint_targets
 import curves
+import ledger
 import policy_file
 from warm_start import initialize_from
 from episodes import DataError, Episodes, digest, find_files, split, split_words, statistics
@@ -214,11 +215,21 @@ def train(options, started):
     before = initialize_from(network, options.init, card) if options.init else {}
     run = Run(options, network, episodes, tests, numbers, hidden, padded, about, device)
     run.card = card
+    episode_ledgers = [f.about.get("ledger") or ledger.from_seeds([f.about["seed"]]) for f in [*training, *held]]
+    run.ledger = ledger.merge([*episode_ledgers, *ledger_of_start(options.init, before)])
     run.card["training_seeds"] = sorted({*run.card["training_seeds"], *before.get("training_seeds", [])})
     run.resume(log)
     parameters = sum(p.numel() for p in network.parameters())
     log.report(f"{options.kind}, {parameters / 1e6:.2f} M parameters, {len(training)} episodes, {len(held)} held out, on {device}")
     return run.run(log, started)
+
+
+def ledger_of_start(path, card):
+    """The training ledger of the policy at `path`, from which the training starts; none without
+    it. Of a policy without a ledger the seeds alone are known."""
+    if path is None:
+        return []
+    return [ledger.read(path) or ledger.from_seeds([*card.get("training_seeds", []), *card.get("validation_seeds", [])])]
 
 
 def choose_store(options, device, files, names):
@@ -586,9 +597,9 @@ class Run:
         last = {k: v for k, v in entries[-1].items() if not k.startswith("validation_by_")} if entries else {}
         reached = {"steps": self.step, "seconds": round(self.spent, 1), "last": last}
         card = {**self.card, "training": {**self.card["training"], **reached}}
-        policy_file.write(self.options.out / "policy.safetensors", self.mean, card)
+        policy_file.write(self.options.out / "policy.safetensors", self.mean, card, record=self.ledger)
         # With the tensors that only training needs, for --init of another training.
-        policy_file.write(self.options.out / "training.safetensors", self.mean, card, training=True)
+        policy_file.write(self.options.out / "training.safetensors", self.mean, card, training=True, record=self.ledger)
         if self.options.travel:
             self.write_parts(card)
         if len(entries) > 1:

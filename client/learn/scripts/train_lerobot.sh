@@ -86,6 +86,7 @@ export_set() {
     # PNG needs no ffmpeg to decode, and is decoded once.
     wheelarm-dataset export --format lerobot --pictures png --trim-idle "$trim_idle" ${size:+--size "$size"} \
         "${recordings[@]}" --out "$out/set.part" >"$out/export.log" 2>&1 || die "export: $(tail -n 3 "$out/export.log")"
+    wheelarm-dataset ledger "${recordings[@]}" --out "$out/ledger.json" >"$out/ledger.log" 2>&1 || die "ledger: $(tail -n 3 "$out/ledger.log")"
     mv "$out/set.part" "$out/set"
     say "$(tail -n 1 "$out/export.log" | sed 's/.*: //'), $(du -sh "$out/set" | cut -f1) in $out/set"
     mark export
@@ -104,6 +105,7 @@ train() {
     fi
     "$python" client/learn/python/train_lerobot.py "${options[@]}" >>"$out/train.log" 2>&1 || status=$?
     [ $status -eq 0 ] || die "training ended with $status: $(tail -n 3 "$out/train.log")"
+    [ ! -e "$out/ledger.json" ] || cp "$out/ledger.json" "$last/ledger.json"
     say "$(grep 'step:' "$out/train.log" | tail -n 1 | sed 's/.*step:/step:/')"
     mark train
 }

@@ -9,6 +9,7 @@
 mod action;
 mod applied;
 mod chunk_executor;
+pub mod ledger;
 mod player;
 mod rotation;
 mod state;

@@ -46,7 +46,8 @@ pub struct Expert {
     pub profile_seed: Option<u64>,
     /// The error that it makes on purpose and corrects.
     pub forced: Option<ForcedError>,
-    /// Shakes the object after the task, which fails when it slips.
+    /// Tests the object after the task, which fails when it slips while it is shaken, or when it
+    /// was put down and does not rest.
     #[serde(default)]
     pub shakes: bool,
 }

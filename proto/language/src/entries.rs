@@ -54,6 +54,14 @@ pub(crate) struct NounEntry {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+pub(crate) struct CategoriesFile {
+    pub origin: Spanned<String>,
+    pub license: Spanned<String>,
+    pub noun: Vec<NounEntry>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(crate) struct PlacesFile {
     pub origin: Spanned<String>,
     pub license: Spanned<String>,

@@ -7,8 +7,8 @@ use std::ops::Range;
 use serde::de::DeserializeOwned;
 use toml::Spanned;
 
-use crate::entries::PhraseEntry;
-use crate::grammar::{GrammarError, Means, Pattern, Phrase, Piece, Slot, Use};
+use crate::entries::{NounEntry, PhraseEntry};
+use crate::grammar::{GrammarError, Means, Names, Noun, Pattern, Phrase, Piece, Slot, Use};
 use crate::space::{Order, Side};
 use crate::words::words;
 
@@ -88,6 +88,29 @@ impl File<'_> {
             held_out,
             is_generated: generated.unwrap_or(true),
         })
+    }
+
+    /// The nouns of an entry.
+    pub(crate) fn nouns(
+        &self,
+        entry: &NounEntry,
+        names: &Names,
+        of: Use,
+    ) -> Result<Vec<Noun>, GrammarError> {
+        let texts = entry.texts.get_ref().iter();
+        let nouns = texts.map(|text| {
+            Ok(Noun {
+                text: text.get_ref().clone(),
+                words: self.plain(text)?,
+                names: names.clone(),
+                number: entry.number,
+                is_contents: entry.contents,
+                takes_colour: entry.colour.unwrap_or(!entry.contents),
+                has_tail: entry.tail,
+                of,
+            })
+        });
+        nouns.collect()
     }
 
     /// The words of a text without slots.
@@ -229,7 +252,7 @@ impl File<'_> {
 }
 
 /// Values of `means` of a phrase.
-const MEANS: [(&str, Means); 20] = [
+const MEANS: [(&str, Means); 22] = [
     ("plain", Means::Plain),
     ("left_of", Means::Beside(Side::Left)),
     ("right_of", Means::Beside(Side::Right)),
@@ -250,4 +273,6 @@ const MEANS: [(&str, Means); 20] = [
     ("nearest_chair", Means::Order(Order::Chair, Some(0))),
     ("nearest_arm", Means::Order(Order::Arm, Some(0))),
     ("farthest_chair", Means::Order(Order::Far, Some(0))),
+    ("largest", Means::Order(Order::Large, Some(0))),
+    ("smallest", Means::Order(Order::Small, Some(0))),
 ];

@@ -8,13 +8,14 @@ use serde::Deserialize;
 use crate::space::{Order, Side};
 
 /// Files of a grammar below `assets/language`, in the order of loading.
-pub const FILES: [&str; 12] = [
+pub const FILES: [&str; 13] = [
     "nouns.toml",
     "places.toml",
     "phrases.toml",
     "reasons.toml",
     "politeness.toml",
     "homes.toml",
+    "categories.toml",
     "lift.toml",
     "put.toml",
     "open.toml",
@@ -366,6 +367,10 @@ pub(crate) struct HomeWords {
     pub leaves: Vec<Noun>,
     /// Phrases about leaves.
     pub phrases: Vec<Phrase>,
+    /// Phrases about sizes of objects.
+    pub sizes: Vec<Phrase>,
+    /// Names of objects by category.
+    pub categories: Vec<Noun>,
 }
 
 /// A grammar.

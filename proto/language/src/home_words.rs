@@ -10,7 +10,8 @@ use toml::Spanned;
 use crate::entries::{PhraseEntry, Texts};
 use crate::file::File;
 use crate::grammar::{
-    GoalForm, GoalKind, Grammar, GrammarError, HomeWords, Names, Noun, Number, PlaceName, Use,
+    GoalForm, GoalKind, Grammar, GrammarError, HomeWords, Means, Names, Noun, Number, PlaceName,
+    Use,
 };
 use crate::scene::{Area, Scene};
 use crate::words::words;
@@ -83,7 +84,14 @@ impl Grammar {
             }
         }
         for entry in &read.phrase {
-            homes.phrases.extend(file.phrases(entry)?);
+            for phrase in file.phrases(entry)? {
+                let is_of_size =
+                    matches!(phrase.means, Means::Order(order, _) if order.is_of_size());
+                match is_of_size {
+                    true => homes.sizes.push(phrase),
+                    false => homes.phrases.push(phrase),
+                }
+            }
         }
         self.homes = homes;
         Ok(())
@@ -108,6 +116,14 @@ impl Grammar {
             grammar.nouns.extend_from_slice(leaves);
             grammar.phrases.extend_from_slice(phrases);
         }
+        // Elsewhere sentences of a seed stay those of earlier versions.
+        if !own.is_empty() && scene.entities.iter().any(|entity| entity.size > 0.0) {
+            for phrase in &self.homes.sizes {
+                grammar.know_pattern(&phrase.pattern);
+            }
+            grammar.phrases.extend_from_slice(&self.homes.sizes);
+        }
+        grammar.add_objects(scene);
         grammar
     }
 
@@ -192,7 +208,7 @@ fn place(area: &str, text: &str, [on, from, understood]: Prepositions, of: Use) 
     }
 }
 
-fn noun(text: &str, words: Vec<String>, names: Names) -> Noun {
+pub(crate) fn noun(text: &str, words: Vec<String>, names: Names) -> Noun {
     Noun {
         text: text.to_owned(),
         words,

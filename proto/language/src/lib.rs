@@ -27,6 +27,9 @@ mod home_words_tests;
 #[expect(dead_code, reason = "the tests of the crate need more of it")]
 mod made_up;
 mod meaning;
+mod object_words;
+#[cfg(test)]
+mod object_words_tests;
 mod parse;
 mod question;
 mod random;

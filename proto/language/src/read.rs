@@ -27,6 +27,7 @@ impl Grammar {
             reasons,
             politeness,
             homes,
+            categories,
             verbs @ ..,
         ] = &all;
         let mut out = Self {
@@ -53,6 +54,7 @@ impl Grammar {
         out.read_reasons(&open(reasons)?, &kinds)?;
         out.read_politeness(&open(politeness)?)?;
         out.read_homes(&open(homes)?)?;
+        out.read_categories(&open(categories)?)?;
         for verb in verbs {
             out.read_verb(&open(verb)?, &kinds)?;
         }
@@ -111,19 +113,9 @@ impl Grammar {
                     ));
                 }
             };
-            for text in entry.texts.get_ref() {
-                let words = file.plain(text)?;
-                self.know(&words);
-                self.nouns.push(Noun {
-                    text: text.get_ref().clone(),
-                    words,
-                    names: names.clone(),
-                    number: entry.number,
-                    is_contents: entry.contents,
-                    takes_colour: entry.colour.unwrap_or(!entry.contents),
-                    has_tail: entry.tail,
-                    of,
-                });
+            for noun in file.nouns(entry, &names, of)? {
+                self.know(&noun.words);
+                self.nouns.push(noun);
             }
         }
         for entry in &read.posture {

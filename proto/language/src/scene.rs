@@ -68,6 +68,10 @@ pub struct Entity {
     pub category: String,
     /// Its colour in one word; may be empty.
     pub colour: String,
+    /// Its own noun, of a kind without words in the grammar; may be empty.
+    pub noun: String,
+    /// Its largest extent, metres; 0 when it is not known.
+    pub size: f64,
     /// Role.
     pub role: Role,
     /// Index of its area; `None` for none.
@@ -108,10 +112,20 @@ impl Scene {
             kind: kind_of(name).to_owned(),
             category,
             colour,
+            noun: String::new(),
+            size: 0.0,
             role,
             area,
             at: relative,
         });
+    }
+
+    /// Adds its own noun and its largest extent, metres, to the newest entity.
+    pub fn describe(&mut self, noun: &str, size: f64) {
+        if let Some(entity) = self.entities.last_mut() {
+            noun.clone_into(&mut entity.noun);
+            entity.size = size;
+        }
     }
 
     /// Index of the entity with this name.

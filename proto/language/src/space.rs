@@ -91,6 +91,10 @@ pub enum Order {
     Arm,
     /// The furthest from [`CHAIR`] first.
     Far,
+    /// The largest first.
+    Large,
+    /// The smallest first.
+    Small,
 }
 
 impl Order {
@@ -108,7 +112,15 @@ impl Order {
             Self::Chair => from(CHAIR),
             Self::Arm => from(ARM),
             Self::Far => -from(CHAIR),
+            Self::Large => -entity.size,
+            Self::Small => entity.size,
         }
+    }
+
+    /// Whether it needs the sizes of the entities.
+    #[must_use]
+    pub fn is_of_size(self) -> bool {
+        matches!(self, Self::Large | Self::Small)
     }
 }
 
@@ -116,6 +128,10 @@ impl Order {
 /// when there are fewer.
 #[must_use]
 pub fn at_place(scene: &Scene, among: &[usize], order: Order, place: usize) -> Vec<usize> {
+    let is_unknown = |i: &usize| scene.entities[*i].size <= 0.0;
+    if order.is_of_size() && among.iter().any(is_unknown) {
+        return Vec::new();
+    }
     let key = |i: usize| order.key(&scene.entities[i]);
     nth_of(among, key, place)
 }

@@ -53,7 +53,7 @@ pub use tables::part::{
     CupEntry, FrustumEntry, MeshEntry, MeshScale, PartEntry, PrismEntry, RoundEntry,
     RoundedBoxEntry, SphereEntry,
 };
-pub use tables::place::{PlaceEntry, StartRangesEntry};
+pub use tables::place::{HandleEntry, PlaceEntry, StartRangesEntry};
 pub use tables::scene::{
     FurnitureEntry, HingeEntry, LightEntry, ObjectEntry, RoomCameraEntry, SceneFile, SlideEntry,
     StartEntry, SurfaceEntry,

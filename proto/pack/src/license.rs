@@ -165,7 +165,7 @@ impl fmt::Display for NotCommercial {
         write!(
             f,
             "; remove or replace them, or state the SPDX identifier that their authors gave as \
-             `license` in the pack (`home import --licence` for a home without one)"
+             `license` in the pack (`home import --license` for a home without one)"
         )
     }
 }

@@ -297,6 +297,11 @@ pub struct Level {
 
 /// Height below which a body is part of the floor, metres.
 const FLOOR: f64 = 0.03;
+/// A box whose top is lower than this is below the floor, metres.
+const UNDER: f64 = -0.05;
+/// Obstacles around a floor: their width, and their height, at which the wheels are, metres.
+const EDGE: f64 = 0.1;
+const WHEELS: f64 = 0.2;
 
 impl FootprintCheck {
     /// A robot on a free floor: its outlines, bottom up, each with its upper height,
@@ -329,6 +334,35 @@ impl FootprintCheck {
     pub fn put(&mut self, obstacle: Rectangle, heights: [f64; 2]) {
         for level in self.levels_at(heights) {
             self.levels[level].obstacles.push(obstacle);
+        }
+    }
+
+    /// Adds obstacles for the wheels around the floor, which is what `boxes` are of whose top
+    /// is at its height: beyond its edge a chair falls. Each has an outline and its heights,
+    /// metres. Adds nothing without a floor.
+    pub fn put_edges(&mut self, boxes: impl IntoIterator<Item = (Rectangle, [f64; 2])>) {
+        let floor = boxes
+            .into_iter()
+            .filter(|(_, [_, top])| (UNDER..FLOOR).contains(top));
+        let Some([x0, x1, y0, y1]) = bounds_of(floor.map(|(outline, _)| outline)) else {
+            return;
+        };
+        let [wide, long] = [x1 - x0, y1 - y0].map(|side| side / 2.0 + EDGE);
+        let [x, y] = [f64::midpoint(x0, x1), f64::midpoint(y0, y1)];
+        let half = EDGE / 2.0;
+        for (centre, half) in [
+            ([x0 - half, y], [half, long]),
+            ([x1 + half, y], [half, long]),
+            ([x, y0 - half], [wide, half]),
+            ([x, y1 + half], [wide, half]),
+        ] {
+            let along = [1.0, 0.0];
+            let edge = Rectangle {
+                centre,
+                half,
+                along,
+            };
+            self.put(edge, [0.0, WHEELS]);
         }
     }
 
@@ -376,25 +410,27 @@ impl FootprintCheck {
     /// The smallest box around all obstacles: x min, x max, y min, y max, metres.
     #[must_use]
     pub fn extent(&self) -> [f64; 4] {
-        let start = [
-            f64::INFINITY,
-            f64::NEG_INFINITY,
-            f64::INFINITY,
-            f64::NEG_INFINITY,
-        ];
         let obstacles = self.levels.iter().flat_map(|level| &level.obstacles);
-        obstacles.fold(start, |b, o| {
-            let [along, across] = o.along.map(f64::abs);
-            let x = o.half[0] * along + o.half[1] * across;
-            let y = o.half[0] * across + o.half[1] * along;
-            [
-                b[0].min(o.centre[0] - x),
-                b[1].max(o.centre[0] + x),
-                b[2].min(o.centre[1] - y),
-                b[3].max(o.centre[1] + y),
-            ]
-        })
+        bounds_of(obstacles.copied()).unwrap_or([
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+        ])
     }
+}
+
+/// The smallest box around outlines: x min, x max, y min, y max, metres.
+fn bounds_of(outlines: impl Iterator<Item = Rectangle>) -> Option<[f64; 4]> {
+    outlines.fold(None, |bounds, o| {
+        let [along, across] = o.along.map(f64::abs);
+        let x = o.half[0] * along + o.half[1] * across;
+        let y = o.half[0] * across + o.half[1] * along;
+        let [x0, x1] = [o.centre[0] - x, o.centre[0] + x];
+        let [y0, y1] = [o.centre[1] - y, o.centre[1] + y];
+        let b = bounds.unwrap_or([x0, x1, y0, y1]);
+        Some([b[0].min(x0), b[1].max(x1), b[2].min(y0), b[3].max(y1)])
+    })
 }
 
 #[cfg(test)]
@@ -461,6 +497,37 @@ mod tests {
             )
         };
         assert!(!top_at(0.6) && top_at(0.75));
+    }
+
+    #[test]
+    fn chair_stays_on_the_floor() {
+        let wheels = (
+            0.3,
+            Outline {
+                sides: [-0.2, 0.8, -0.3, 0.4],
+            },
+        );
+        let hand = (
+            1.5,
+            Outline {
+                sides: [-0.2, 1.2, -0.3, 0.4],
+            },
+        );
+        let mut check = FootprintCheck::from_outlines([wheels, hand]);
+        // A rug on the floor makes it no larger, and a table is no floor.
+        let floor = (rectangle([2.0, 1.0], [2.0, 1.5], 0.0), [-0.1, 0.0]);
+        let rug = (rectangle([2.0, 1.0], [0.5, 0.5], 0.3), [0.0, 0.01]);
+        let table = (rectangle([9.0, 1.0], [0.5, 0.5], 0.0), [0.7, 0.75]);
+        check.put_edges([floor, rug, table]);
+        let at = |x: f64, heading: f64| Pose2 { x, y: 1.0, heading };
+        // The hand may be over the edge, the wheels may not.
+        assert!(check.is_free(&at(3.1, 0.0), 0.05));
+        assert!(!check.is_free(&at(3.1, 0.0), 0.15));
+        assert!(!check.is_free(&at(3.3, 0.0), 0.0));
+        assert!(check.is_free(&at(0.3, 0.0), 0.05) && !check.is_free(&at(0.1, 0.0), 0.0));
+        let mut without = FootprintCheck::from_outlines([wheels]);
+        without.put_edges([table]);
+        assert!(without.levels[0].obstacles.is_empty());
     }
 
     #[test]

@@ -8,6 +8,7 @@
 //! good: a stop counts where the chair gets to it with the arm at home.
 
 use std::collections::BTreeSet;
+use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
 use wheelarm_proto::exact;
@@ -17,8 +18,9 @@ use super::floor_map::FloorMap;
 use super::footprint_check::{FootprintCheck, Level, Outline, Pose2};
 use super::reached::Reached;
 
-/// Ends of the strips that cover the half disc of a turning arm, as shares of its radius.
-const STRIPS: [f64; 3] = [0.5, 0.8, 1.0];
+/// Number of strips that cover the half disc of a turning arm, of equal angles. They are wider
+/// than the disc by at most a tenth of its radius.
+const STRIPS: u32 = 8;
 
 /// Posture of the arm while the chair drives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,8 +62,9 @@ pub fn changing(
         let length = |x: f64| exact::hypot(x - mount[0], edge - mount[1]);
         let radius = length(back).max(length(front));
         let mut begin = 0.0_f64;
-        for end in STRIPS {
-            let half = radius * (1.0 - begin * begin).sqrt();
+        for strip in 1..=STRIPS {
+            let end = exact::sin(FRAC_PI_2 * f64::from(strip) / f64::from(STRIPS));
+            let half = radius * (1.0 - begin * begin).max(0.0).sqrt();
             let far = mount[1] + side * radius * end;
             check.levels.push(Level {
                 outline: Outline {
@@ -272,7 +275,7 @@ fn root(joined: &mut [u32], index: usize) -> usize {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::super::floor_map::tests::wall;
     use super::*;
 
@@ -282,8 +285,8 @@ mod tests {
     ];
     const TRAVEL: [(f64, Outline); 1] = [(1.5, outline([-0.2, 0.8, -0.3, 0.4]))];
     const MOUNT: [f64; 2] = [0.4, 0.35];
-    const LEFT: Pose2 = pose(1.5, 2.0);
-    const RIGHT: Pose2 = pose(6.0, 2.0);
+    pub(crate) const LEFT: Pose2 = pose(1.5, 2.0);
+    pub(crate) const RIGHT: Pose2 = pose(6.0, 2.0);
 
     const fn outline(sides: [f64; 4]) -> Outline {
         Outline { sides }
@@ -294,9 +297,10 @@ mod tests {
         Pose2 { x, y, heading }
     }
 
-    /// Two rooms with a door of this width, in which only the travel posture fits; the right
-    /// one is `wide` metres along y.
-    fn floor(door: f64, wide: f64) -> PostureFloor {
+    /// Footprints at home, in the travel posture and between both in two rooms with a door of
+    /// this width, in which only the travel posture fits; the right one is `wide` metres along
+    /// y.
+    pub(crate) fn footprints(door: f64, wide: f64) -> [FootprintCheck; 3] {
         let walls = [
             wall([-0.1, 8.2], [-0.1, 0.0]),
             wall([-0.1, 8.2], [4.0, 4.1]),
@@ -307,17 +311,24 @@ mod tests {
             wall([4.0, 8.2], [2.05 + wide / 2.0, 4.1]),
             wall([4.0, 8.2], [-0.1, 2.05 - wide / 2.0]),
         ];
-        let map = |mut check: FootprintCheck| {
+        let home = FootprintCheck::from_outlines(HOME);
+        let travel = FootprintCheck::from_outlines(TRAVEL);
+        [home, travel, changing(&HOME, &TRAVEL, MOUNT)].map(|mut check| {
             for obstacle in walls {
                 check.put(obstacle, [0.0, 2.5]);
             }
+            check
+        })
+    }
+
+    /// The floor of these footprints.
+    pub(crate) fn floor(door: f64, wide: f64) -> PostureFloor {
+        let [home, travel, change] = footprints(door, wide).map(|check| {
             let mut map = FloorMap::new(&check, 0.025, &[]);
             map.confine(&|[x, y]| (0.0..8.1).contains(&x) && (0.0..4.0).contains(&y));
             Arc::new(map)
-        };
-        let home = map(FootprintCheck::from_outlines(HOME));
-        let travel = map(FootprintCheck::from_outlines(TRAVEL));
-        PostureFloor::new(home, Some([travel, map(changing(&HOME, &TRAVEL, MOUNT))]))
+        });
+        PostureFloor::new(home, Some([travel, change]))
     }
 
     #[test]

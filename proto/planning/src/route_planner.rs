@@ -26,6 +26,9 @@ pub struct RoutePlanner {
     poses: Vec<Pose2>,
     /// Clearances that the start allows, the greatest first, metres.
     clearances: Vec<f64>,
+    /// Goals without a path at their own clearance are searched for with less, down to this,
+    /// metres.
+    least: f64,
     /// Maps by their clearance.
     maps: Vec<(f64, Arc<FloorMap>)>,
     nodes: usize,
@@ -92,9 +95,18 @@ impl RoutePlanner {
             start,
             poses: [&[start], goals].concat(),
             clearances,
+            least: f64::INFINITY,
             maps: Vec::new(),
             nodes: 0,
         }
+    }
+
+    /// The same planner for narrow places: where no path keeps the clearance that start and goal
+    /// allow, one may have half of the preferred one.
+    #[must_use]
+    pub fn through_narrow_places(mut self, margin: f64) -> Self {
+        self.least = margin / 2.0;
+        self
     }
 
     /// Number of nodes of all searches.
@@ -140,13 +152,20 @@ impl RoutePlanner {
         free.next()
     }
 
+    /// Whether a goal that allows `own` metres is searched for with a clearance.
+    fn is_tried(&self, own: Option<f64>, margin: f64) -> bool {
+        own.is_some_and(|own| own == margin || (own > margin && margin >= self.least))
+    }
+
     /// Whether free floor connects the start with a goal: a look-up. A chair that needs
     /// more room to turn may have no path nevertheless; without a way there is none.
     pub fn has_way(&mut self, goal: &Pose2) -> bool {
-        let Some(margin) = self.clearance(goal) else {
-            return false;
-        };
-        self.map(margin).has_way(&self.start, goal)
+        let own = self.clearance(goal);
+        let tried = self.clearances.iter().copied();
+        let tried: Vec<f64> = tried.filter(|margin| self.is_tried(own, *margin)).collect();
+        let start = self.start;
+        let mut tried = tried.into_iter();
+        tried.any(|margin| self.map(margin).has_way(&start, goal))
     }
 
     /// The path to the goal that costs least, with arcs of any of the `radii`, metres.
@@ -159,7 +178,7 @@ impl RoutePlanner {
         let allowed: Vec<Option<f64>> = goals.iter().map(|g| self.clearance(&g.pose)).collect();
         let mut nodes = 0;
         for margin in self.clearances.clone() {
-            let here = (0..goals.len()).filter(|&i| allowed[i] == Some(margin));
+            let here = (0..goals.len()).filter(|&i| self.is_tried(allowed[i], margin));
             let here: Vec<usize> = here.collect();
             if here.is_empty() {
                 continue;
@@ -253,6 +272,26 @@ mod tests {
         let searched = search_field(&map, &mut field, LEFT, &goals, &RADII);
         assert_eq!(searched.found, None);
         assert_eq!(searched.nodes, 1);
+    }
+
+    #[test]
+    fn narrow_door_is_passed_with_half_of_the_clearance() {
+        // The chair is 0.71 m wide.
+        for (door, is_passed) in [(0.79, true), (0.73, false)] {
+            let footprint = two_rooms(door);
+            let plain = planner(footprint.clone(), LEFT, Vec::new());
+            assert!(
+                plain.clone().route(&[goal(RIGHT)], &RADII).is_err(),
+                "{door}"
+            );
+            let mut narrow = plain.through_narrow_places(0.05);
+            assert_eq!(narrow.has_way(&RIGHT), is_passed, "{door}");
+            let found = narrow.route(&[goal(RIGHT)], &RADII);
+            assert_eq!(found.is_ok(), is_passed, "{door}: {found:?}");
+            if let Ok(found) = found {
+                follow(&footprint, LEFT, &found, &RIGHT);
+            }
+        }
     }
 
     #[test]

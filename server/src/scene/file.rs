@@ -2,6 +2,7 @@
 //! (`wheelarm_pack`). Only the keys are checked.
 
 pub(super) use wheelarm_pack::{
-    FurnitureEntry, GraspEntry, HingeEntry, LightEntry, LobeEntry, MaterialEntry, MaterialFile,
-    ObjectEntry, ObjectFile, PartEntry, PlaceEntry, RoomCameraEntry, SceneFile, SlideEntry,
+    FurnitureEntry, GraspEntry, HandleEntry, HingeEntry, LightEntry, LobeEntry, MaterialEntry,
+    MaterialFile, ObjectEntry, ObjectFile, PartEntry, PlaceEntry, RoomCameraEntry, SceneFile,
+    SlideEntry,
 };

@@ -40,7 +40,7 @@ pub(crate) fn names(assets: &Path, folder: &str) -> Result<Vec<String>, SceneErr
     let unreadable = |source| SceneError::Read {
         path: full.clone(),
         source,
-        cure: "start from the folder that contains `assets`, or name it".to_owned(),
+        cure: "name the folder `assets` with --assets, or WHEELARM_ASSETS".to_owned(),
     };
     let mut names = Vec::new();
     for entry in std::fs::read_dir(&full).map_err(unreadable)? {
@@ -73,12 +73,27 @@ fn bytes(assets: &Path, path: &str) -> Result<Vec<u8>, SceneError> {
 
 fn unreadable(assets: &Path, path: &str, source: std::io::Error) -> SceneError {
     let folder = path.split('/').next().unwrap_or(path);
-    let known = names(assets, folder).unwrap_or_default().join(", ");
+    let known = names(assets, folder).unwrap_or_default();
+    let name = Path::new(path).file_stem().unwrap_or_default();
+    let meant = did_you_mean(&name.to_string_lossy(), &known);
     SceneError::Read {
         path: assets.join(path),
         source,
-        cure: format!("available {folder}: {known}"),
+        cure: format!("available {folder}: {}{meant}", known.join(", ")),
     }
+}
+
+/// Similarity (Jaro-Winkler, 0 to 1) from which a name is suggested.
+const SUGGESTED_SIMILARITY: f64 = 0.85;
+
+/// `; did you mean NAME?`, or nothing when no known name is similar.
+pub(crate) fn did_you_mean(name: &str, known: &[String]) -> String {
+    let similar = known
+        .iter()
+        .map(|known| (strsim::jaro_winkler(name, known), known));
+    let likely = similar.filter(|(similarity, _)| (SUGGESTED_SIMILARITY..1.0).contains(similarity));
+    let nearest = likely.max_by(|(a, _), (b, _)| a.total_cmp(b));
+    nearest.map_or_else(String::new, |(_, known)| format!("; did you mean {known}?"))
 }
 
 /// An asset as its file type.

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Unit, UnitQuaternion, Vector3};
 use wheelarm_pack::Pack;
 use wheelarm_proto::furniture::JointMotion;
+use wheelarm_proto::settings::ObjectSplit;
 
 use super::error::{Place, SceneError};
 use super::file::{
@@ -52,6 +53,7 @@ impl Scene {
             objects: Vec::new(),
             surfaces: Vec::new(),
             places: Vec::new(),
+            handles: Vec::new(),
             joints: Vec::new(),
             lighting: lighting(&place.key("light"), &file.light)?,
             start: {
@@ -64,6 +66,7 @@ impl Scene {
             files: Vec::new(),
             pack: pack.cloned(),
             object_packs: Vec::new(),
+            object_split: ObjectSplit::default(),
         };
         let mut entries: BTreeMap<&str, &FurnitureEntry> = BTreeMap::new();
         for entry in &file.furniture {
@@ -90,6 +93,7 @@ impl Scene {
             scene.add_object(&reader, &place, entry)?;
         }
         scene.add_places(&place, &file.place)?;
+        scene.add_handles(&place, &file.handle)?;
         scene.files = scene.texts_behind(file, path, names(assets, "materials")?);
         Ok(scene)
     }
@@ -148,6 +152,7 @@ impl Scene {
                 own => own.to_owned(),
             },
             colour: String::new(),
+            noun: String::new(),
             pose,
             mass: None,
             friction: place.key("friction").within(

@@ -8,6 +8,7 @@ mod bounds;
 mod error;
 mod file;
 mod folder;
+mod handles;
 mod load;
 mod material;
 mod object;
@@ -21,7 +22,8 @@ pub use bounds::Bounds;
 pub(crate) use error::Place;
 pub use error::SceneError;
 pub use folder::{AssetText, texts};
-pub(crate) use folder::{Files, names, parse, parse_packed, provenance, text};
+pub(crate) use folder::{Files, did_you_mean, names, parse, parse_packed, provenance, text};
+pub use handles::ReachedHandle;
 pub use object::object;
 pub use places::ReachedPlace;
 pub(crate) use places::kind_name;
@@ -32,6 +34,7 @@ use std::sync::Arc;
 use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};
 use wheelarm_pack::Pack;
 use wheelarm_proto::furniture::JointMotion;
+use wheelarm_proto::settings::ObjectSplit;
 
 use crate::geometry::{Part, Visual};
 
@@ -48,6 +51,8 @@ pub struct Scene {
     pub surfaces: Vec<Surface>,
     /// Strips of surfaces that the robot reaches.
     pub places: Vec<ReachedPlace>,
+    /// Doors and drawers of furniture that the robot opens and closes.
+    pub handles: Vec<ReachedHandle>,
     /// Joints of furniture that slides or turns.
     pub joints: Vec<FurnitureJoint>,
     /// Light.
@@ -62,6 +67,8 @@ pub struct Scene {
     pub pack: Option<Arc<Pack>>,
     /// Further packs, whose objects are part of the stock of tasks.
     pub object_packs: Vec<Arc<Pack>>,
+    /// Objects of the stock that tasks place.
+    pub object_split: ObjectSplit,
 }
 
 /// A body of the scene.
@@ -76,6 +83,8 @@ pub struct Body {
     pub category: String,
     /// Its colour in one word; may be empty.
     pub colour: String,
+    /// Its own noun in sentences, of an object of a pack; may be empty.
+    pub noun: String,
     /// world_from_body; for objects the default pose.
     pub pose: Isometry3<f64>,
     /// Mass properties; `None` for fixed bodies.

@@ -48,6 +48,7 @@ pub(super) fn read(reader: &Reader<'_>, kind: &str) -> Result<Body, SceneError> 
         area: String::new(),
         category: file.category.clone(),
         colour: file.colour.clone(),
+        noun: noun(&file),
         pose: Isometry3::identity(),
         mass: None,
         friction,
@@ -82,6 +83,13 @@ pub fn object(assets: &Path, kind: &str) -> Result<Body, SceneError> {
         materials: &materials,
     };
     read(&reader, kind)
+}
+
+/// The noun of an object of a pack: its words for tasks without the color before them.
+fn noun(file: &ObjectFile) -> String {
+    let words = file.stock.as_ref().map_or("", |stock| stock.words.as_str());
+    let noun = words.strip_prefix(&file.colour).unwrap_or(words);
+    noun.trim().to_owned()
 }
 
 /// Checks mass, centre and inertia against the size of the collision shapes.

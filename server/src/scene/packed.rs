@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use wheelarm_pack::{FurnitureEntry, HomeFile, Pack, PlaceEntry, RoomEntry, contains};
+use wheelarm_pack::{FurnitureEntry, HandleEntry, HomeFile, Pack, PlaceEntry, RoomEntry, contains};
 
 use super::error::{Place, SceneError};
 use super::file::SceneFile;
@@ -82,21 +82,27 @@ fn scene_file(pack: &Pack) -> Result<SceneFile, SceneError> {
         start: home.start.clone(),
         furniture: pack.furniture().map_err(Box::new)?,
         object: home.object.clone(),
-        place: home.place.iter().map(|place| spoken(home, place)).collect(),
+        place: (home.place.iter())
+            .map(|place| PlaceEntry {
+                room: spoken(home, place.room.as_deref()),
+                ..place.clone()
+            })
+            .collect(),
+        handle: (home.handle.iter())
+            .map(|handle| HandleEntry {
+                room: spoken(home, handle.room.as_deref()),
+                ..handle.clone()
+            })
+            .collect(),
     })
 }
 
-/// A place with the kind of its room, or with the name of a room of unknown kind.
-fn spoken(home: &HomeFile, place: &PlaceEntry) -> PlaceEntry {
-    let room = place.room.as_ref().map(|name| {
-        let mut rooms = home.room.iter();
-        let found = rooms.find(|room| room.name == *name);
-        found.map_or_else(|| name.clone(), kind_of_room)
-    });
-    PlaceEntry {
-        room,
-        ..place.clone()
-    }
+/// The kind of the room with this name, or the name of a room of unknown kind.
+fn spoken(home: &HomeFile, room: Option<&str>) -> Option<String> {
+    room.map(|name| {
+        let found = home.room.iter().find(|room| room.name == name);
+        found.map_or_else(|| name.to_owned(), kind_of_room)
+    })
 }
 
 /// The kind of a room, or its name.

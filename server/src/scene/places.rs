@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use nalgebra::{Isometry3, Vector3};
-use wheelarm_pack::Pack;
+use wheelarm_pack::{Pack, StartRangesEntry};
 
 use super::error::{Place, SceneError};
 use super::file::PlaceEntry;
@@ -16,11 +16,11 @@ use super::part::Reader;
 use super::{Body, Scene, Surface, material, object};
 
 /// Longest name of a place: two of them fit into a name of the contract.
-const LONGEST: usize = 28;
+pub(super) const LONGEST: usize = 28;
 /// Space around the middle of an object, metres.
 const AROUND: f64 = 0.08;
 /// Largest number of places of a scene.
-const MOST: usize = 4096;
+pub(super) const MOST: usize = 4096;
 
 /// A strip of a surface that the robot reaches, with starts of the chair near it.
 #[derive(Clone, Debug, PartialEq)]
@@ -152,11 +152,6 @@ impl Scene {
             let (depth, half) = (surface.depth, surface.width / 2.0);
             let category = &self.furniture[surface.furniture].category;
             let kind = entry.kind.as_ref().unwrap_or(category).clone();
-            let yaw = range(
-                &place.key("start.yaw_deg"),
-                entry.start.yaw_deg,
-                [-360.0, 360.0],
-            )?;
             let several = entries.iter().filter(|other| other.on == entry.on).count() > 1;
             let read = ReachedPlace {
                 name: self.free_name(&entry.on, several.then_some(&entry.surface)),
@@ -174,11 +169,7 @@ impl Scene {
                     "lengths are metres",
                 )?,
                 apart: entry.apart,
-                start: [
-                    range(&place.key("start.x"), entry.start.x, [-50.0, 50.0])?,
-                    range(&place.key("start.y"), entry.start.y, [-50.0, 50.0])?,
-                    yaw.map(f64::to_radians),
-                ],
+                start: start(&place, &entry.start)?,
             };
             self.places.push(read);
         }
@@ -261,6 +252,16 @@ impl Scene {
         self.files.dedup();
         Ok(())
     }
+}
+
+/// Ranges of a start of the chair: x and y, metres, and the yaw, radians.
+pub(super) fn start(place: &Place, entry: &StartRangesEntry) -> Result<[[f64; 2]; 3], SceneError> {
+    let yaw = range(&place.key("start.yaw_deg"), entry.yaw_deg, [-360.0, 360.0])?;
+    Ok([
+        range(&place.key("start.x"), entry.x, [-50.0, 50.0])?,
+        range(&place.key("start.y"), entry.y, [-50.0, 50.0])?,
+        yaw.map(f64::to_radians),
+    ])
 }
 
 /// A range of numbers within limits.

@@ -5,11 +5,14 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 use parking_lot::Mutex;
+use wheelarm_homes::own_home::{self, OwnHomeId};
 use wheelarm_pack::{Pack, PackName, Store as PackStore, from_hex, to_hex};
+use wheelarm_proto::cache::Store as Cache;
 use wheelarm_proto::v1::FailureCode;
 use wheelarm_proto::{Message, v1};
 
 use super::denied::Denied;
+use crate::scene::did_you_mean;
 use crate::sim::{ObjectPack, PackRequest, Scenario, ScenePack};
 
 /// Largest number of packs in the folders of a server that receives packs.
@@ -58,24 +61,77 @@ fn requested(packs: &PackStore, wanted: &PackRequest) -> Result<Pack, String> {
     ))
 }
 
+/// The own home of a scenario: the requested pack where the server has it, as in a replay, else
+/// one that is made now.
+fn made_home(
+    assets: &Path,
+    packs: &PackStore,
+    scenario: &Scenario,
+    id: &OwnHomeId,
+) -> Result<Pack, String> {
+    let wanted = match &scenario.pack {
+        ScenePack::Exactly(wanted) => Some(wanted),
+        ScenePack::Search | ScenePack::Open(_) => None,
+    };
+    if let Some(wanted) = wanted
+        && wanted.physics.is_some()
+        && let Some(pack) = packs.open_where(&wanted.name, |id| wanted.fits(id))
+    {
+        return Ok(pack);
+    }
+    let made = own_home::make(assets, id, &scenario.robot, &Cache::open());
+    let made = made.map_err(|error| format!("cannot make the home {id}: {error}"))?;
+    if let Some(reason) = made.not_kept {
+        tracing::warn!("{reason}");
+    }
+    match wanted {
+        Some(wanted) if !wanted.fits(made.pack.id()) => Err(format!(
+            "the scenario names the pack {wanted}, and this server makes {}: its version, its \
+             assets or the robot differ; put the recorded pack into a folder of --packs \
+             (`wheelarm pack extract FILE`), or leave `packs` out",
+            made.pack.id()
+        )),
+        _ => Ok(made.pack),
+    }
+}
+
 fn attach_scene(assets: &Path, packs: &PackStore, scenario: &mut Scenario) -> Result<(), String> {
     let name = scenario.scene.clone();
+    if let (Some(seed), ScenePack::Search | ScenePack::Exactly(_)) =
+        (scenario.layout_seed, &scenario.pack)
+    {
+        let id = OwnHomeId::of_scene(&scenario.scene, &scenario.home_style, seed);
+        let pack = made_home(assets, packs, scenario, &id)?;
+        scenario.pack = ScenePack::Open(Arc::new(pack));
+        return Ok(());
+    }
     let opened = match &scenario.pack {
         ScenePack::Open(_) => return Ok(()),
         ScenePack::Search if is_of_assets(assets, &name) => return Ok(()),
         ScenePack::Search => packs.open(&name).map_err(|error| error.to_string())?,
         ScenePack::Exactly(wanted) => Some(requested(packs, wanted)?),
     };
+    let named = OwnHomeId::from_name(&name).filter(|id| id.is_of(assets));
+    if let (None, Some(id)) = (&opened, named) {
+        let pack = made_home(assets, packs, scenario, &id)?;
+        scenario.pack = ScenePack::Open(Arc::new(pack));
+        (scenario.layout_seed, scenario.home_style) = (Some(id.layout_seed), id.style);
+        return Ok(());
+    }
     let Some(pack) = opened else {
         let known: Vec<String> = packs.names().into_iter().collect();
+        let scenes = scenes(assets);
+        let all: Vec<String> = scenes.iter().chain(&known).cloned().collect();
         return Err(format!(
-            "no scene named {name:?}: the assets have {}; packs in {}: {}",
-            scenes(assets).join(", "),
+            "no scene named {name:?}: the assets have {}; own homes are PLAN-STYLE-SEED, \
+             for example studio-nordic-3; packs in {}: {}{}",
+            scenes.join(", "),
             folders(packs),
             match known.is_empty() {
-                true => "none".to_owned(),
+                true => "none; name their folder with --packs".to_owned(),
                 false => known.join(", "),
-            }
+            },
+            did_you_mean(&name, &all)
         ));
     };
     scenario.pack = ScenePack::Open(Arc::new(pack));

@@ -158,7 +158,7 @@ impl Simulation {
             assets,
             &scenario.scene,
             &scenario.pack,
-            &scenario.object_packs,
+            (&scenario.object_packs, scenario.object_split),
         )?;
         let mut scene = stocked(assets, &scenario.task, scene)?;
         let task = match scenario.task.as_str() {

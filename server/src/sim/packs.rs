@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use wheelarm_pack::{Digest, Pack, PackName, to_hex};
+use wheelarm_proto::settings::ObjectSplit;
 
 use crate::scene::{Scene, SceneError};
 
@@ -80,7 +81,7 @@ impl std::fmt::Display for PackRequest {
 }
 
 /// The scene with this name, of the assets or of an open pack, with the objects of further open
-/// packs as stock.
+/// packs as stock, as far as they are of the split.
 ///
 /// # Errors
 /// When a file is missing or a value is invalid.
@@ -88,7 +89,7 @@ pub fn load_scene(
     assets: &Path,
     name: &str,
     pack: &ScenePack,
-    objects: &[ObjectPack],
+    (objects, split): (&[ObjectPack], ObjectSplit),
 ) -> Result<Scene, SceneError> {
     let mut scene = match pack {
         ScenePack::Open(pack) => Scene::from_pack(assets, pack)?,
@@ -99,5 +100,6 @@ pub fn load_scene(
         ObjectPack::Requested(_) => None,
     });
     scene.object_packs = open.collect();
+    scene.object_split = split;
     Ok(scene)
 }

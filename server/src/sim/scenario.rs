@@ -1,7 +1,7 @@
 //! `Scenario`: the complete specification of a simulation.
 
 use nalgebra::Isometry3;
-use wheelarm_proto::settings::Style;
+use wheelarm_proto::settings::{ObjectSplit, Style};
 use wheelarm_proto::{CONTROL_HZ, PHYSICS_HZ, defaults, limits};
 
 use crate::appearance::Appearance;
@@ -129,8 +129,14 @@ pub struct Scenario {
     pub time_limit: Option<f64>,
     /// World pack of the scene.
     pub pack: ScenePack,
+    /// Seed of the layout of an own home; `None` for another scene.
+    pub layout_seed: Option<u64>,
+    /// Style of the own home; empty for another scene.
+    pub home_style: String,
     /// Further packs, whose objects are part of the stock of tasks.
     pub object_packs: Vec<ObjectPack>,
+    /// Objects that tasks of every home place.
+    pub object_split: ObjectSplit,
     /// Rules of sampling; `None`: those of the scene.
     pub draws: Option<SamplingRules>,
     /// Requested values that the simulation has replaced. Resampling starts from these.
@@ -194,7 +200,10 @@ impl Default for Scenario {
             style: Style::Quick,
             time_limit: None,
             pack: ScenePack::Search,
+            layout_seed: None,
+            home_style: String::new(),
             object_packs: Vec::new(),
+            object_split: ObjectSplit::default(),
             draws: None,
             requested: Requested::default(),
         }
@@ -336,7 +345,10 @@ impl Scenario {
             disturbances: _,
             style: _,
             pack: _,
+            layout_seed: _,
+            home_style: _,
             object_packs: _,
+            object_split: _,
         } = self;
         objects.clear();
         slides.clear();
@@ -399,7 +411,11 @@ impl Scenario {
             draws: _,
             requested: _,
             pack,
+            // The pack has both.
+            layout_seed: _,
+            home_style: _,
             object_packs,
+            object_split,
         } = self;
         let sampled =
             |person: &Option<PersonSetting>| person.as_ref().and_then(|p| p.drawn.clone());
@@ -410,6 +426,7 @@ impl Scenario {
             && *scene == other.scene
             && *pack == other.pack
             && *object_packs == other.object_packs
+            && *object_split == other.object_split
             && *robot == other.robot
             && *task == other.task
             && *quality == other.quality

@@ -2,7 +2,7 @@
 //! against the scene by the loader. Independent of tasks.
 
 use crate::robot::CorridorSettings;
-use crate::scene::{Body, Scene};
+use crate::scene::{Body, ReachedPlace, Scene};
 
 /// An area; its ranges are the same for every task.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,6 +67,14 @@ pub struct StartSpec {
     pub y: Range,
     /// Radians.
     pub yaw: Range,
+}
+
+impl StartSpec {
+    /// The start near a place of a home.
+    pub(super) fn near(place: &ReachedPlace) -> Self {
+        let [x, y, yaw] = place.start.map(|[min, max]| Range { min, max });
+        Self { x, y, yaw }
+    }
 }
 
 /// Ranges of one object's start, in the frame of the surface's approach edge.

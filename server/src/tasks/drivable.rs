@@ -8,8 +8,9 @@ use wheelarm_planning::distance_field::DistanceField;
 use wheelarm_planning::floor_map::{
     CHANGE_CLEARANCE, DRIVE_CLEARANCE, FloorMap, STOP_CLEARANCE, STOWED_CLEARANCE,
 };
-use wheelarm_planning::footprint_check::{FootprintCheck, Pose2};
+use wheelarm_planning::footprint_check::Pose2;
 use wheelarm_planning::hybrid_a_star::DriveGoal;
+use wheelarm_planning::posture_routes::PostureRoutes;
 use wheelarm_planning::postures::{Posture, PostureFloor, PostureReach};
 
 use super::random::{fraction, index};
@@ -31,30 +32,18 @@ pub(super) struct Ground {
     floor: Arc<PostureFloor>,
     /// Where the chair stops to use its arm, which is at home then.
     stops: Arc<FloorMap>,
-}
-
-/// Footprints of a robot that stows its arm: in the travel posture, and while the arm changes.
-pub(super) struct StowedFootprints {
-    pub travel: FootprintCheck,
-    pub change: FootprintCheck,
+    routes: Arc<PostureRoutes>,
 }
 
 impl Ground {
-    /// The floor of a chair that starts at `home`, with the arm at home and, if the robot has a
-    /// travel posture, stowed.
-    pub(super) fn new(
-        at_home: &FootprintCheck,
-        stowed: Option<&StowedFootprints>,
-        home: &Pose2,
-    ) -> Self {
+    /// The floor of a chair with these footprints that starts at `home`.
+    pub(super) fn new(routes: PostureRoutes, home: &Pose2) -> Self {
         let map = |check, clearance| FloorMap::shared(check, clearance, &[*home]);
-        let driven = map(at_home, DRIVE_CLEARANCE);
-        let stowed = stowed.map(|stowed| {
-            [
-                map(&stowed.travel, STOWED_CLEARANCE),
-                map(&stowed.change, CHANGE_CLEARANCE),
-            ]
-        });
+        let driven = map(&routes.home, DRIVE_CLEARANCE);
+        let stowed = routes
+            .stowed
+            .as_ref()
+            .map(|[travel, change]| [map(travel, STOWED_CLEARANCE), map(change, CHANGE_CLEARANCE)]);
         let mut floors = FLOORS.lock().unwrap_or_else(PoisonError::into_inner);
         let is_known = |known: &Self| {
             let is_map = |posture, map: Option<&Arc<FloorMap>>| {
@@ -68,8 +57,9 @@ impl Ground {
             return known.clone();
         }
         let ground = Self {
-            stops: map(at_home, STOP_CLEARANCE),
+            stops: map(&routes.home, STOP_CLEARANCE),
             floor: Arc::new(PostureFloor::new(driven, stowed)),
+            routes: Arc::new(routes),
         };
         floors.push(ground.clone());
         if floors.len() > KEPT {
@@ -112,6 +102,18 @@ impl Drivable {
     /// straight segment.
     pub(super) fn is_stop(&self, pose: &Pose2) -> bool {
         self.ground.stops.is_free(pose) && self.reach.is_before(pose)
+    }
+
+    /// Whether a chair that starts at `start` with its arm in a posture has a path to one of
+    /// these stops, as the scripted operator searches it.
+    pub(super) fn has_path(&self, start: (&Pose2, Posture), stops: &[Pose2]) -> bool {
+        self.ground.routes.reaches(&self.ground.floor, start, stops)
+    }
+
+    /// Whether a chair with its arm at home has a path from `start` to one of these stops: what
+    /// carries an object does not stow its arm.
+    pub(super) fn has_path_at_home(&self, start: &Pose2, stops: &[Pose2]) -> bool {
+        self.ground.routes.reaches_at_home(start, stops)
     }
 
     /// Samples a pose uniformly over those that the chair gets to, where `accepts` holds, with

@@ -7,7 +7,7 @@ use super::query::Query;
 use crate::scene::{Place, SceneError};
 
 /// `assets/tasks/NAME.toml`: verb × object query × place query, and the sentences.
-#[derive(Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct TaskFile {
     pub origin: String,

@@ -11,6 +11,7 @@ use wheelarm_planning::floor_map::DRIVE_CLEARANCE;
 use wheelarm_planning::footprint_check::{FootprintCheck, Limb, Outline, Pose2, occupied};
 use wheelarm_planning::hybrid_a_star::{self, PathPreferences};
 use wheelarm_planning::obb::Obb;
+use wheelarm_planning::posture_routes::PostureRoutes;
 use wheelarm_planning::postures::{Posture, changing};
 use wheelarm_planning::reach_map::ReachMap;
 use wheelarm_proto::exact;
@@ -18,11 +19,11 @@ use wheelarm_proto::furniture::JointMotion;
 use wheelarm_proto::settings::Starts;
 
 use super::area::{AreaSpec, Range, StartSpec, Variant};
-use super::drivable::{Drivable, Ground, StowedFootprints};
+use super::drivable::{Drivable, Ground};
 use super::grasp_reach::{GraspReach, Solid};
 use super::random::{index, number, stream};
 use crate::people::{Capsule, HeadPose, Person};
-use crate::robot::{OutlineSettings, RobotModel};
+use crate::robot::{CorridorSettings, OutlineSettings, RobotModel};
 use crate::scene::{Body, Scene};
 
 /// Clearance around the chair at its start, metres.
@@ -71,6 +72,8 @@ pub struct Floor {
     mount: [f64; 2],
     /// Least and greatest distance from the arm's base to a grasp, metres.
     range: [f64; 2],
+    /// Space that the hand needs.
+    hand: CorridorSettings,
     maps: Option<Maps>,
 }
 
@@ -129,6 +132,7 @@ impl Floor {
             travel: travel.map(|travel| (outlines(&travel.outlines), travel.joints)),
             mount: [0, 1].map(|i| model.arm_mount().translation.vector[i]),
             range: [reach.nearest, reach.furthest.min(FURTHEST)],
+            hand: settings.gripper.corridor,
             maps: None,
         }
     }
@@ -183,15 +187,23 @@ impl Floor {
         let ajar = scene.pack.is_none();
         let levels = self.check.levels.iter();
         let outlines: Outlines = levels.map(|level| (level.top, level.outline)).collect();
-        let of_outlines = |outlines: &Outlines| {
-            among(FootprintCheck::from_outlines(outlines.clone()), scene, ajar)
+        let bounded = |check| {
+            let mut check = among(check, scene, ajar);
+            let boxes = scene.furniture.iter().flat_map(collision_boxes);
+            check.put_edges(boxes.map(|obb| (obb.rectangle(), obb.heights())));
+            check
         };
+        let of_outlines =
+            |outlines: &Outlines| bounded(FootprintCheck::from_outlines(outlines.clone()));
         let travel = self.travel.as_ref();
-        let stowed = travel.map(|(travel, _)| StowedFootprints {
-            travel: of_outlines(travel),
-            change: among(changing(&outlines, travel, self.mount), scene, ajar),
-        });
-        let ground = Ground::new(&of_outlines(&outlines), stowed.as_ref(), &home);
+        let routes = PostureRoutes {
+            home: of_outlines(&outlines),
+            stowed: travel.map(|(travel, _)| {
+                let change = changing(&outlines, travel, self.mount);
+                [of_outlines(travel), bounded(change)]
+            }),
+        };
+        let ground = Ground::new(routes, &home);
         let solids = scene.furniture.iter().enumerate();
         let solids = solids.flat_map(|(furniture, body)| {
             collision_boxes(body).map(move |obb| Solid {
@@ -240,7 +252,24 @@ impl Floor {
             range: self.range,
             drivable,
             solids: &maps.solids,
+            hand: self.hand,
         })
+    }
+
+    /// Whether the chair has a path from `start`, with its arm at these positions, to one of
+    /// `stops`.
+    pub(super) fn has_path(
+        &self,
+        drivable: &Drivable,
+        (start, arm): (&Isometry3<f64>, Option<[f64; 6]>),
+        stops: &[Pose2],
+    ) -> bool {
+        let travel = self.travel.as_ref().map(|(_, travel)| *travel);
+        let posture = match arm.is_some() && arm == travel {
+            true => Posture::Travel,
+            false => Posture::Home,
+        };
+        drivable.has_path((&on_floor(start), posture), stops)
     }
 
     /// Samples a start uniformly over the floor that the chair gets to. The arm is in the
@@ -249,7 +278,7 @@ impl Floor {
     fn start_on_maps(
         &self,
         area: &AreaSpec,
-        seed: u64,
+        (seed, attempt): (u64, u32),
         stowed: Option<bool>,
         accepts: &dyn Fn(&Isometry3<f64>) -> bool,
     ) -> Option<Start> {
@@ -260,7 +289,10 @@ impl Floor {
                 && stowed.is_none_or(|stowed| stowed == (posture == Posture::Travel))
                 && accepts(&standing(pose))
         };
-        let mut random = stream(&area.name, seed, "anywhere on the maps");
+        let mut random = match attempt {
+            0 => stream(&area.name, seed, "anywhere on the maps"),
+            _ => stream(&area.name, seed, &format!("anywhere on the maps {attempt}")),
+        };
         let (pose, posture) = drivable.sample(&mut random, &accepts)?;
         let (arm, knuckle) = self.sampled_posture(area, seed);
         let arm = match (posture, &self.travel) {
@@ -286,16 +318,16 @@ impl Floor {
 
     /// Samples a start uniformly over the poses where the chair fits with clearance and
     /// has a path to the area, with arm and gripper in any of their postures. `None`
-    /// when none was found.
+    /// when none was found. By the maps, each `attempt` gives another start.
     pub(super) fn start(
         &self,
         area: &AreaSpec,
         variant: &Variant,
         scene: &Scene,
-        seed: u64,
+        (seed, attempt): (u64, u32),
     ) -> Option<Start> {
         match &self.maps {
-            Some(_) => self.start_on_maps(area, seed, None, &|_| true),
+            Some(_) => self.start_on_maps(area, (seed, attempt), None, &|_| true),
             None => self.start_where(area, variant, scene, seed, &|_| true),
         }
     }
@@ -364,7 +396,7 @@ impl Floor {
         if starts == Starts::Anywhere && self.maps.is_some() {
             let travel = self.travel.as_ref().map(|(_, travel)| *travel);
             let stowed = arm.is_some() && arm == travel;
-            let start = self.start_on_maps(area, seed, Some(stowed), sees);
+            let start = self.start_on_maps(area, (seed, 0), Some(stowed), sees);
             return Some(start?.pose);
         }
         if starts == Starts::Anywhere {

@@ -10,6 +10,7 @@ use wheelarm_planning::reach_map::{HandPlace, ReachMap};
 use wheelarm_proto::exact;
 
 use super::drivable::Drivable;
+use crate::robot::CorridorSettings;
 use crate::scene::{Body, Surface};
 
 /// Turns of a round object, and of an object that is put down.
@@ -23,6 +24,12 @@ const STEP: f64 = 0.05;
 const STOPS: usize = 4;
 /// A hand with a smaller horizontal part of its direction is from above.
 const LEVEL: f64 = 0.3;
+
+/// Hand and wrist count as far back as this from the grasp point, metres: the forearm behind
+/// them may come from aside.
+const WRIST: f64 = 0.25;
+/// Boxes around furniture are a little larger than it, metres.
+const LOOSE: f64 = 0.01;
 
 /// A box of the furniture on the floor plan.
 #[derive(Clone, Copy, Debug)]
@@ -68,22 +75,31 @@ pub(super) struct GraspReach<'a> {
     pub range: [f64; 2],
     pub drivable: &'a Drivable,
     pub solids: &'a [Solid],
+    /// Space that the hand needs.
+    pub hand: CorridorSettings,
 }
 
 impl GraspReach<'_> {
     /// Whether the robot grasps `body` at `pose` on `surface`. An object without grasps is
     /// not grasped, and needs no reach.
     pub(super) fn can_grasp(&self, body: &Body, pose: &Isometry3<f64>, surface: &Surface) -> bool {
-        body.grasps.is_empty() || self.reaches(body, pose, surface, false)
+        body.grasps.is_empty() || self.stops((body, pose, surface), false, STOPS).len() == STOPS
     }
 
     /// Whether the robot puts `body` down at `pose` on `surface`, turned about the vertical by
     /// any angle.
     pub(super) fn can_put(&self, body: &Body, pose: &Isometry3<f64>, surface: &Surface) -> bool {
-        body.grasps.is_empty() || self.reaches(body, pose, surface, true)
+        body.grasps.is_empty() || self.stops((body, pose, surface), true, STOPS).len() == STOPS
     }
 
-    fn reaches(&self, body: &Body, pose: &Isometry3<f64>, surface: &Surface, turns: bool) -> bool {
+    /// Stops of the chair, at most `most`, from which the robot grasps `body` at `pose` on
+    /// `surface`, or, where it `turns` about the vertical by any angle, puts it down.
+    pub(super) fn stops(
+        &self,
+        (body, pose, surface): (&Body, &Isometry3<f64>, &Surface),
+        turns: bool,
+        most: usize,
+    ) -> Vec<Pose2> {
         let height = surface.edge.translation.z;
         let point = pose.translation.vector;
         let near = |solid: &&Solid| {
@@ -96,7 +112,16 @@ impl GraspReach<'_> {
                 && exact::hypot(dx, dy) < self.range[1] + 0.5 + solid.outline.radius()
         };
         let covers: Vec<&Solid> = self.solids.iter().filter(near).collect();
-        let mut left = STOPS;
+        let around = |solid: &&Solid| {
+            let [dx, dy] = [
+                solid.outline.centre[0] - point.x,
+                solid.outline.centre[1] - point.y,
+            ];
+            solid.heights[1] > height + LOOSE
+                && exact::hypot(dx, dy) < WRIST + self.hand.fingers + solid.outline.radius()
+        };
+        let around: Vec<&Solid> = self.solids.iter().filter(around).collect();
+        let mut found = Vec::new();
         let about = |angle: f64| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angle);
         for grasp in &body.grasps {
             let count = if grasp.symmetric || turns { TURNS } else { 1 };
@@ -111,35 +136,65 @@ impl GraspReach<'_> {
                 for half in [0.0, PI] {
                     let at = turned * grasp.pose * about(half);
                     let hands = leans(&at, grasp.from_above).iter();
-                    for hand in hands.map(|lean| Hand::leaning(&at, *lean)) {
-                        left -= self.stops(&hand, &covers, left);
-                        if left == 0 {
-                            return true;
+                    let hands = hands.map(|lean| Hand::leaning(&at, *lean));
+                    for hand in hands.filter(|hand| self.has_room(hand, &around)) {
+                        let left = most - found.len();
+                        found.extend(self.stops_for(&hand, &covers).take(left));
+                        if found.len() == most {
+                            return found;
                         }
                     }
                 }
             }
         }
-        false
+        found
     }
 
-    /// Number of stops of the chair for a hand, at most `most`, with nothing of `covers` on the
-    /// way of the arm.
-    fn stops(&self, hand: &Hand, covers: &[&Solid], most: usize) -> usize {
+    /// Whether fingers, palm and wrist of a hand overlap none of `around`.
+    fn has_room(&self, hand: &Hand, around: &[&Solid]) -> bool {
+        let (sin, cos) = exact::sin_cos(hand.yaw);
+        let size = &self.hand;
+        let (rise, level) = exact::sin_cos(hand.pitch);
+        // From a distance behind the grasp point to another one: half width, and half height.
+        let parts = [
+            (-size.tip, size.palm, size.fingers, size.fingers_height),
+            (size.palm, WRIST, size.wrist, size.palm_height),
+        ];
+        parts.iter().all(|&(from, to, wide, tall)| {
+            let middle = f64::midpoint(from, to) * level;
+            let long = (to - from) / 2.0 * level.abs() + tall * rise.abs();
+            let outline = Rectangle {
+                centre: [hand.point.x - middle * cos, hand.point.y - middle * sin],
+                half: [(long - LOOSE).max(0.0), (wide - LOOSE).max(0.0)],
+                along: [cos, sin],
+            };
+            let ends = [from, to].map(|far| hand.point.z + far * rise);
+            let low = ends[0].min(ends[1]) - tall * level.abs() + LOOSE;
+            let high = ends[0].max(ends[1]) + tall * level.abs() - LOOSE;
+            around.iter().all(|solid| {
+                let meets = solid.heights[1] > low && solid.heights[0] < high;
+                !(meets && solid.outline.overlaps(&outline))
+            })
+        })
+    }
+
+    /// Stops of the chair for a hand, with nothing of `covers` on the way of the arm.
+    fn stops_for(&self, hand: &Hand, covers: &[&Solid]) -> impl Iterator<Item = Pose2> {
         let mount = self.reach.mount().translation;
         let point = [hand.point.x, hand.point.y];
         let [nearest, furthest] = self.range;
         let furthest = furthest_at(hand.point.z, furthest);
         let steps = ((furthest - nearest) / STEP).round().max(0.0) as u32;
-        let level = aside().filter(|_| hand.is_level);
-        let above = (0..HEADINGS).filter(|_| !hand.is_level);
+        let is_level = hand.is_level;
+        let level = aside().filter(move |_| is_level);
+        let above = (0..HEADINGS).filter(move |_| !is_level);
         let above = above.map(|i| TAU * f64::from(i) / f64::from(HEADINGS));
-        let stops = level.chain(above).flat_map(|turn| {
+        level.chain(above).flat_map(move |turn| {
             let heading = wrap(hand.yaw + turn);
             let (sin, cos) = exact::sin_cos(heading);
-            aside().filter(move |&bearing| {
+            aside().filter_map(move |bearing| {
                 let (left, ahead) = exact::sin_cos(bearing);
-                (0..=steps).any(|step| {
+                (0..=steps).find_map(|step| {
                     let place = HandPlace {
                         distance: furthest - STEP * f64::from(step),
                         height: hand.point.z - mount.z,
@@ -147,7 +202,7 @@ impl GraspReach<'_> {
                         direction: wrap(-turn - bearing),
                     };
                     if !lifts(self.reach, &place) {
-                        return false;
+                        return None;
                     }
                     let u = mount.x + place.distance * ahead;
                     let v = mount.y + place.distance * left;
@@ -156,13 +211,13 @@ impl GraspReach<'_> {
                         y: point[1] - u * sin - v * cos,
                         heading,
                     };
-                    self.drivable.is_stop(&pose) && {
+                    let is_stop = self.drivable.is_stop(&pose) && {
                         let way = way(pose.point(mount.x, mount.y), point);
                         !covers.iter().any(|solid| solid.outline.overlaps(&way))
-                    }
+                    };
+                    is_stop.then_some(pose)
                 })
             })
-        });
-        stops.take(most).count()
+        })
     }
 }

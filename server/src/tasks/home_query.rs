@@ -4,13 +4,14 @@
 
 use std::path::Path;
 
-use super::area::{AreaSpec, PlaceSpec, Range, RestShares, StartSpec, Variant};
+use super::area::{AreaSpec, PlaceSpec, Range, StartSpec, Variant};
 use super::file::TaskFile;
 use super::goal::Goal;
 use super::home_sites::{Finder, HomeQuery, Site};
+use super::joint_query;
 use super::random::{fraction, index, shuffle, stream};
 use super::spec::TaskSpec;
-use super::stock::{self, Stock};
+use super::stock;
 use super::template::{Template, Verb};
 use crate::robot::CorridorSettings;
 use crate::scene::{Place, ReachedPlace, Scene, SceneError};
@@ -49,6 +50,9 @@ pub(super) fn read(
 ) -> Result<TaskSpec, SceneError> {
     let place = &Place::file(path);
     let template = Template::read(assets, place, &file.template, &file.thresholds)?;
+    if matches!(template.goal, Verb::Open | Verb::Close) {
+        return joint_query::read((name, path), file, template, scene, hand);
+    }
     let to = match (template.goal, &file.place) {
         (Verb::Lift | Verb::Give, None) => None,
         (Verb::Put, Some(to)) => Some(to.place_query(&place.key("place"))?),
@@ -69,7 +73,7 @@ pub(super) fn read(
         (Verb::Bring | Verb::Open | Verb::Close, _) => {
             return Err(place.key("template").wrong(
                 format!("{:?}", file.template),
-                "lift, give or put, for a task without an area",
+                "lift, give, put, open or close, for a task without an area",
                 "take one of these, or name an area",
             ));
         }
@@ -91,7 +95,7 @@ pub(super) fn read(
         share,
         furniture: Vec::new(),
         regions: Vec::new(),
-        places: every_object(scene, &stock, &site.from),
+        places: stock::every_object(scene, &stock, &site.from),
     };
     let mut targets: Vec<usize> = sites.iter().flat_map(|s| s.targets.clone()).collect();
     targets.sort_unstable();
@@ -100,7 +104,7 @@ pub(super) fn read(
         name: name.to_owned(),
         scene: scene.name.clone(),
         hand: *hand,
-        start: start(&sites[0].from),
+        start: StartSpec::near(&sites[0].from),
         slides: Vec::new(),
         variants: sites.iter().map(variant).collect(),
         elsewhere: 0.0,
@@ -124,36 +128,6 @@ pub(super) fn read(
     )
 }
 
-fn start(place: &ReachedPlace) -> StartSpec {
-    let [x, y, yaw] = place.start.map(|[min, max]| Range { min, max });
-    StartSpec { x, y, yaw }
-}
-
-/// Ranges of every object of the scene on a place, none of which exists: the home of a query
-/// has no other objects than those that it samples.
-fn every_object(scene: &Scene, stock: &[Stock], place: &ReachedPlace) -> Vec<PlaceSpec> {
-    let absent = |object: &str| match stock.iter().find(|stock| stock.object == object) {
-        Some(stock) => stock.at(place, 0.0),
-        None => PlaceSpec {
-            object: object.to_owned(),
-            on: place.furniture.clone(),
-            surface: Some(place.surface.clone()),
-            inwards: Range { min: 0.0, max: 0.0 },
-            along: Range { min: 0.0, max: 0.0 },
-            yaw: Range { min: 0.0, max: 0.0 },
-            mass: None,
-            friction: None,
-            chance: 0.0,
-            rest: RestShares::default(),
-        },
-    };
-    scene
-        .objects
-        .iter()
-        .map(|body| absent(&body.name))
-        .collect()
-}
-
 impl TaskSpec {
     /// Whether it is a query over the places of a home.
     #[must_use]
@@ -172,9 +146,10 @@ impl TaskSpec {
         let choices = variants.flat_map(|variant| {
             let site = query.sites.iter().find(|site| site.name == variant.name);
             let targets = site.map_or(&[][..], |site| &site.targets);
-            targets
-                .iter()
-                .map(move |&i| (variant, query.stock[i].object.as_str()))
+            let objects = targets.iter().map(|&i| query.stock[i].object.as_str());
+            let handle = site.and_then(|site| site.handle.as_deref());
+            let targets = objects.chain(handle);
+            targets.map(move |target| (variant, target))
         });
         let mut choices: Vec<_> = choices.collect();
         shuffle(&mut stream(&self.name, seed, "choices"), &mut choices);
@@ -200,6 +175,9 @@ impl TaskSpec {
         let Some(site) = sites.find(|site| site.name == variant.name) else {
             return Ok((self.clone(), variant.clone()));
         };
+        if let Some(handle) = &site.handle {
+            return joint_query::settled(self, site, handle, (variant, scene), target);
+        }
         let stock = &query.stock;
         let mut random = stream(&self.name, seed, "object");
         let sampled = index(&mut random, site.targets.len());
@@ -239,22 +217,14 @@ impl TaskSpec {
         if let (Goal::Put { on }, Some(region)) = (&mut spec.goal, region) {
             region.clone_into(on);
         }
-        spec.area.start = start(&site.from);
+        spec.area.start = StartSpec::near(&site.from);
         spec.area.variants = vec![variant.clone()];
         let to = site
             .to
             .as_ref()
             .map(ReachedPlace::words)
             .unwrap_or_default();
-        for sentence in &mut spec.instructions {
-            for (key, words) in [
-                ("{object}", stock[chosen].words.as_str()),
-                ("{from}", site.from.words().as_str()),
-                ("{place}", to.as_str()),
-            ] {
-                *sentence = sentence.replace(key, words);
-            }
-        }
+        spec.name_in_sentences(&stock[chosen].words, &site.from.words(), &to);
         spec.check_resolved(scene)?;
         Ok((spec, variant))
     }

@@ -26,6 +26,8 @@ pub(super) struct Site {
     pub to: Option<ReachedPlace>,
     /// Objects of the stock that may be the target, by their indices.
     pub targets: Vec<usize>,
+    /// Door or drawer that is opened or closed, instead of an object.
+    pub handle: Option<String>,
 }
 
 /// Finds the places of a task.
@@ -64,7 +66,8 @@ impl Finder<'_> {
             .filter(|place| self.from.fits(place))
             .collect();
         if from.is_empty() {
-            return Err(self.refusal(format!("no {}", self.from), self.from.alternatives(scene)));
+            let places = self.from.alternatives(&scene.places);
+            return Err(self.refusal(format!("no {}", self.from), places));
         }
         let of_place = |place: &ReachedPlace| -> Vec<usize> {
             let belongs = |i: &usize| {
@@ -98,7 +101,7 @@ impl Finder<'_> {
         if let Some(to) = self.to
             && from.iter().any(|place| !of_place(place).is_empty())
         {
-            return Err(self.refusal(format!("no other {to}"), to.alternatives(scene)));
+            return Err(self.refusal(format!("no other {to}"), to.alternatives(&scene.places)));
         }
         let words = wanted.iter().map(|&i| self.stock[i].words.as_str());
         let words: Vec<&str> = words.collect();
@@ -132,5 +135,6 @@ fn site(from: &ReachedPlace, to: Option<&ReachedPlace>, targets: Vec<usize>) -> 
         from: from.clone(),
         to: to.cloned(),
         targets,
+        handle: None,
     }
 }

@@ -68,7 +68,7 @@ fn of_home(assets: &Path, scene: &Scene, hand: &CorridorSettings) -> Vec<TaskSpe
             None
         }
     };
-    match scene.places.is_empty() {
+    match scene.places.is_empty() && scene.handles.is_empty() {
         true => Vec::new(),
         false => names.filter_map(load).collect(),
     }
@@ -304,7 +304,7 @@ impl TaskSpec {
     }
 
     /// The joint position required for success.
-    fn joint_bounds(&self) -> JointBounds {
+    pub(super) fn joint_bounds(&self) -> JointBounds {
         let mut required = self.conditions.iter().filter(|c| c.required);
         let found = required.find_map(|c| c.predicate.joint_bounds());
         found.unwrap_or_default()

@@ -33,6 +33,7 @@ mod grasp_clearance;
 mod grasp_reach;
 mod home_query;
 mod home_sites;
+mod joint_query;
 mod load;
 mod name_check;
 mod place_query;

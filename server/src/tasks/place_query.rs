@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
-use crate::scene::{ReachedPlace, Scene};
+use crate::scene::ReachedPlace;
 
 /// Properties of a place that must all match.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq)]
@@ -42,8 +42,8 @@ impl PlaceQuery {
 
     /// What a home has instead: the places of this kind by room, and those of this room by
     /// kind.
-    pub(super) fn alternatives(&self, scene: &Scene) -> String {
-        if scene.places.is_empty() {
+    pub(super) fn alternatives(&self, places: &[ReachedPlace]) -> String {
+        if places.is_empty() {
             return "it lists no place that the robot reaches; import the home again".to_owned();
         }
         let rooms = |place: &ReachedPlace| match place.room.is_empty() {
@@ -52,16 +52,16 @@ impl PlaceQuery {
         };
         let mut lists = Vec::new();
         if let Some(kind) = &self.kind {
-            let of_kind = scene.places.iter().filter(|place| self.fits_kind(place));
+            let of_kind = places.iter().filter(|place| self.fits_kind(place));
             lists.push(format!("{}: {}", plural(kind), counted(of_kind.map(rooms))));
         }
         if let Some(room) = &self.room {
-            let of_room = scene.places.iter().filter(|place| self.fits_room(place));
+            let of_room = places.iter().filter(|place| self.fits_room(place));
             let kinds = of_room.map(ReachedPlace::kind_words);
             lists.push(format!("{}: {}", plural(room), counted(kinds)));
         }
         if lists.is_empty() || self.name.is_some() {
-            let names = scene.places.iter().map(|place| place.furniture.clone());
+            let names = places.iter().map(|place| place.furniture.clone());
             lists.push(format!("places: {}", counted(names)));
         }
         lists.join("; ")
@@ -88,7 +88,7 @@ fn is(wanted: &Option<String>, fits: impl FnOnce(&str) -> bool) -> bool {
 }
 
 /// Lower case, with blanks between words.
-fn plain(text: &str) -> String {
+pub(super) fn plain(text: &str) -> String {
     text.to_lowercase().replace(['_', '-'], " ")
 }
 
@@ -102,7 +102,7 @@ fn plural(kind: &str) -> String {
 }
 
 /// For example `hall, living room (2)`, or `none`.
-fn counted(words: impl Iterator<Item = String>) -> String {
+pub(super) fn counted(words: impl Iterator<Item = String>) -> String {
     let mut counts: BTreeMap<String, usize> = BTreeMap::new();
     for word in words {
         *counts.entry(word).or_default() += 1;

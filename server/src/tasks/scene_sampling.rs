@@ -7,6 +7,8 @@
 //! every region is free.
 
 use nalgebra::{Isometry3, Vector3};
+use wheelarm_planning::footprint_check::Pose2;
+use wheelarm_planning::posture_routes::STOP_GOALS;
 
 use super::area::{AreaSpec, Variant};
 use super::arrangement::Arrangement;
@@ -22,6 +24,8 @@ const ATTEMPTS: usize = 400;
 const OWN_MISSES: u32 = 150;
 /// The same of the other areas of the home.
 const OTHER_MISSES: u32 = 20;
+/// Starts anywhere that are sampled until one has a path.
+const STARTS: u32 = 6;
 
 /// A sampled scene of an area, the same for all its tasks.
 #[derive(Clone, Debug, PartialEq)]
@@ -112,18 +116,6 @@ pub fn sample_scene(
         ),
         Vector3::z() * number(&mut near, area.start.yaw),
     );
-    let anywhere = floor.filter(|floor| floor.is_anywhere());
-    let anywhere = anywhere.map(|floor| floor.start(area, variant, scene, seed));
-    let has_start = anywhere.as_ref().is_none_or(Option::is_some);
-    let start = match anywhere.flatten() {
-        Some(start) => start,
-        None => Start {
-            pose: near,
-            arm: None,
-            knuckle: None,
-            rejected: 0,
-        },
-    };
     let around = surroundings(area, seed);
     let mut slides: Vec<_> = scene.joints.iter().map(|joint| joint.resistance).collect();
     let mut positions = vec![0.0; slides.len()];
@@ -148,13 +140,43 @@ pub fn sample_scene(
     let reach = floor.zip(drivable.as_ref());
     let reach = reach.and_then(|(floor, drivable)| floor.grasp_reach(drivable));
     let mut placed = Placed::new(area, scene, reach);
-    let has_reach = placed.add(area, variant, seed, OWN_MISSES);
+    let mut has_reach = placed.add(area, variant, seed, OWN_MISSES);
     for (area, variant) in &around {
         if !placed.add(area, variant, seed, OTHER_MISSES) {
             // The task needs none of these.
             placed.add_anywhere(area, variant, seed);
         }
     }
+    let near = Start {
+        pose: near,
+        arm: None,
+        knuckle: None,
+        rejected: 0,
+    };
+    let stops = placed.stops(variant);
+    let has_path = |start: &Start| {
+        let floor = floor.zip(drivable.as_ref());
+        floor.is_none_or(|(floor, drivable)| {
+            let start = (&start.pose, start.arm);
+            let mut stops = stops.iter();
+            stops.all(|stops| floor.has_path(drivable, start, stops))
+        })
+    };
+    // From nearby first: it takes little time.
+    has_reach = has_reach && has_path(&near);
+    let mut has_start = true;
+    let start = match floor.filter(|floor| floor.is_anywhere()) {
+        Some(floor) => {
+            let starts =
+                (0..STARTS).map_while(|attempt| floor.start(area, variant, scene, (seed, attempt)));
+            // By the first rules of sampling a start has a path.
+            let mut starts = starts.filter(|start| !has_reach || has_path(start));
+            let found = starts.next();
+            has_start = found.is_some();
+            found.unwrap_or(near)
+        }
+        None => near,
+    };
     SceneSample {
         placements: placed.placements,
         slides,
@@ -221,6 +243,24 @@ impl<'a> Placed<'a> {
             attempts: 0,
             clearance: f64::INFINITY,
         }
+    }
+
+    /// Stops of the chair for each possible target of an area that has grasps; nothing without
+    /// a reach map.
+    fn stops(&self, variant: &Variant) -> Vec<Vec<Pose2>> {
+        let Some(reach) = self.reach else {
+            return Vec::new();
+        };
+        let certain = variant.places.iter().filter(|place| place.is_certain());
+        let stops = certain.filter_map(|place| {
+            let object = self.scene.object_named(&place.object)?;
+            let body = &self.scene.objects[object];
+            let pose = self.placements[object]?.pose;
+            let surface = (self.scene).surface_named(&place.on, place.surface.as_deref())?;
+            (!body.grasps.is_empty())
+                .then(|| reach.stops((body, &pose, surface), false, STOP_GOALS))
+        });
+        stops.collect()
     }
 
     /// Places the objects of one more area, and retries until there is room. Adds nothing and

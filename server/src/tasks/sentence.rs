@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Vector3};
 use wheelarm_language::{self as language, Grammar, Options, Role, Sentence, Split, Verb, Wish};
 use wheelarm_proto::exact;
 use wheelarm_proto::furniture::JointMotion;
@@ -127,6 +127,11 @@ pub(super) fn language_scene(
         let words = [object.category.as_str(), object.colour.as_str()];
         let at = placement.pose.translation.vector.into();
         out.add(&object.name, words, Role::Object, at, None);
+        let bounds = object.collision_bounds(&Isometry3::identity());
+        out.describe(
+            &object.noun,
+            bounds.map_or(0.0, |bounds| bounds.size().max()),
+        );
     }
     for joint in &scene.joints {
         let body = &scene.furniture[joint.furniture];

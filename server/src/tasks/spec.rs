@@ -139,6 +139,15 @@ impl TaskSpec {
         variants.filter(move |variant| needed.iter().all(|name| variant.offers(name)))
     }
 
+    /// Replaces the placeholders of its sentences with words.
+    pub(super) fn name_in_sentences(&mut self, object: &str, from: &str, place: &str) {
+        for sentence in &mut self.instructions {
+            for (key, words) in [("{object}", object), ("{from}", from), ("{place}", place)] {
+                *sentence = sentence.replace(key, words);
+            }
+        }
+    }
+
     /// Place of this task in error messages.
     pub(super) fn place(&self) -> Place {
         Place::file(self.files.first().map_or("", String::as_str))

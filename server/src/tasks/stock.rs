@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::Deserialize;
+use wheelarm_proto::settings::ObjectSplit;
 
 use super::area::{PlaceSpec, Range, RestShares};
 use crate::scene::{
@@ -46,6 +47,9 @@ pub(super) struct Stock {
     /// It is placed beside other objects, and no task requests it.
     #[serde(default)]
     scenery: bool,
+    /// For tests only.
+    #[serde(default)]
+    held_out: bool,
 }
 
 /// Reads the stock of a scene: that of the assets, and the objects of its packs.
@@ -59,7 +63,7 @@ pub(super) fn read(assets: &Path, scene: &Scene) -> Result<Vec<Stock>, SceneErro
     let mut all = file.stock;
     let mut packs = scene.stocked_packs().peekable();
     if packs.peek().is_none() {
-        return Ok(all);
+        return Ok(split(all, scene.object_split));
     }
     let mut taken: BTreeMap<String, String> = names(assets, "objects")?
         .into_iter()
@@ -81,7 +85,22 @@ pub(super) fn read(assets: &Path, scene: &Scene) -> Result<Vec<Stock>, SceneErro
             all.push(stock);
         }
     }
-    Ok(all)
+    Ok(split(all, scene.object_split))
+}
+
+/// The objects of a split. Of the held-out ones the targets are held out, and the others are
+/// beside them.
+fn split(mut all: Vec<Stock>, split: ObjectSplit) -> Vec<Stock> {
+    match split {
+        ObjectSplit::Any => {}
+        ObjectSplit::Train => all.retain(|stock| !stock.held_out),
+        ObjectSplit::HeldOut => {
+            for stock in &mut all {
+                stock.scenery |= !stock.held_out;
+            }
+        }
+    }
+    all
 }
 
 /// The objects of a pack that have a table `[stock]`.
@@ -107,6 +126,7 @@ impl Stock {
             mass: None,
             friction: None,
             scenery: entry.scenery,
+            held_out: entry.held_out,
         }
     }
 
@@ -175,4 +195,29 @@ impl Stock {
             rest: RestShares::default(),
         }
     }
+}
+
+/// Ranges of every object of the scene on a place, none of which exists: the home of a query
+/// has no other objects than those that it samples.
+pub(super) fn every_object(scene: &Scene, stock: &[Stock], place: &ReachedPlace) -> Vec<PlaceSpec> {
+    let absent = |object: &str| match stock.iter().find(|stock| stock.object == object) {
+        Some(stock) => stock.at(place, 0.0),
+        None => PlaceSpec {
+            object: object.to_owned(),
+            on: place.furniture.clone(),
+            surface: Some(place.surface.clone()),
+            inwards: Range { min: 0.0, max: 0.0 },
+            along: Range { min: 0.0, max: 0.0 },
+            yaw: Range { min: 0.0, max: 0.0 },
+            mass: None,
+            friction: None,
+            chance: 0.0,
+            rest: RestShares::default(),
+        },
+    };
+    scene
+        .objects
+        .iter()
+        .map(|body| absent(&body.name))
+        .collect()
 }

@@ -2,6 +2,7 @@
 //! task, then the target and the sentence.
 
 use nalgebra::Translation3;
+use wheelarm_planning::posture_routes::STOP_GOALS;
 
 use super::area::Variant;
 use super::floor::Floor;
@@ -12,6 +13,8 @@ use crate::scene::Scene;
 
 /// Places and objects of a query that are sampled until the robot reaches one.
 const CHOICES: usize = 24;
+/// Stops at the target from which a way to the place of a task is looked for.
+const TAKES: usize = 2;
 /// Ordinals in sentences.
 const ORDINALS: [&str; 6] = ["first", "second", "third", "fourth", "fifth", "sixth"];
 
@@ -53,7 +56,8 @@ pub fn sample(
     };
     let target = one_of(&spec.targets);
     let sentence = one_of(&spec.instructions);
-    drawn.has_reach &= floor.is_none_or(|floor| is_goal_reached(spec, scene, &target, floor));
+    drawn.has_reach &=
+        floor.is_none_or(|floor| is_goal_reached((spec, variant), scene, (&target, &drawn), floor));
     let instruction = in_words(&sentence, spec, variant, scene, &drawn, &target);
     TaskSample {
         scene: drawn,
@@ -95,16 +99,31 @@ pub fn sample_reached(
 }
 
 /// Whether the robot puts the target down in the middle of the task's region, if the task has
-/// one and the floor has maps.
-fn is_goal_reached(spec: &TaskSpec, scene: &Scene, target: &str, floor: &Floor) -> bool {
+/// one and the floor has maps, and carries it there with the arm at home.
+fn is_goal_reached(
+    (spec, variant): (&TaskSpec, &Variant),
+    scene: &Scene,
+    (target, sample): (&str, &SceneSample),
+    floor: &Floor,
+) -> bool {
     let check = || {
         let region = spec.region(scene)?;
-        let body = &scene.objects[scene.object_named(target)?];
+        let object = scene.object_named(target)?;
+        let body = &scene.objects[object];
         let drivable = floor.drivable(&spec.area)?;
         let reach = floor.grasp_reach(&drivable)?;
         let raised = Translation3::new(0.0, 0.0, body.standing_height());
-        let at = region.centre().translation * raised;
-        Some(reach.can_put(body, &at.into(), region))
+        let at = (region.centre().translation * raised).into();
+        if !reach.can_put(body, &at, region) {
+            return Some(false);
+        }
+        let place = variant.place(target)?;
+        let surface = scene.surface_named(&place.on, place.surface.as_deref())?;
+        let pose = sample.placements[object]?.pose;
+        let takes = reach.stops((body, &pose, surface), false, TAKES);
+        let puts = reach.stops((body, &at, region), true, STOP_GOALS);
+        let mut takes = takes.iter();
+        Some(body.grasps.is_empty() || takes.any(|take| drivable.has_path_at_home(take, &puts)))
     };
     check().unwrap_or(true)
 }

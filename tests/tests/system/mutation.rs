@@ -263,6 +263,15 @@ fn damaged_packs_and_reach_maps_do_not_panic() {
 }
 
 #[test]
+fn damaged_ledgers_and_results_do_not_panic() {
+    let ledger = root().join("assets/policies/tasks.ledger.json");
+    let ledger = std::fs::read(ledger).expect("a ledger");
+    read_damaged("ledger", &ledger, 100, decoders::suite_results);
+    let results = br#"{"identity": {"format": "wheelarm-suite-results/1"}, "digest": "0"}"#;
+    read_damaged("results", results, 1000, decoders::suite_results);
+}
+
+#[test]
 fn damaged_assets_do_not_panic() {
     let assets = root().join("assets");
     for (ending, count) in [(".toml", 10), (".urdf", 30)] {

@@ -136,6 +136,13 @@ fn object_of_a_pack_is_placed_in_the_home_of_the_assets() {
     ];
     let text = done("wheelarm-server", &packs, &args);
     assert!(text.contains("tin"), "{text}");
+    let shipped = ["--objects", "care,kitchen", "--task", "take_mug_in_kitchen"];
+    let text = done(
+        "wheelarm-server",
+        &packs,
+        &[&shipped[..], &["--draws", "0..40"]].concat(),
+    );
+    assert!(text.contains("mug-red"), "{text}");
     let wrong = [
         "--objects",
         "tins",

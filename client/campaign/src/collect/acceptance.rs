@@ -167,6 +167,9 @@ fn check_settings(recorded: &v1::Scenario, requested: &v1::Scenario) -> anyhow::
         arm_positions: _,
         knuckle: _,
         rejected_starts: _,
+        layout_seed: _,
+        home_style: _,
+        object_split: _,
         // Digests are refused by the server when it cannot have them, and returned with all.
         packs: _,
     } = requested;

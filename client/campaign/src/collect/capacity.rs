@@ -63,7 +63,7 @@ impl Host {
         let most = self.cores.saturating_mul(MOST_PER_CORE);
         if workers > most {
             bail!(
-                "{workers} workers on {} cores: --workers is at most {most} here; leave it out to use as many as fit",
+                "{workers} workers on {} cores: --jobs is at most {most} here; leave it out to use as many as fit",
                 self.cores
             );
         }

@@ -5,8 +5,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
+use anyhow::Context;
 use wheelarm_dataset::credits::{PackCredits, card_section};
 use wheelarm_dataset::read::Episode as Recording;
+use wheelarm_homes::own_home::OwnHomeId;
+use wheelarm_policy::ledger::Ledger;
 use wheelarm_proto::seeds::Purpose;
 use wheelarm_proto::settings::Named;
 use wheelarm_proto::{CONTRACT_VERSION, PHYSICS_VERSION, v1};
@@ -32,13 +35,32 @@ struct SampledEpisode<'a> {
     scenario: v1::Scenario,
 }
 
-/// Writes the card of a dataset into its folder.
+/// Writes the card of a dataset into its folder, and its training ledger `ledger.json`.
 ///
 /// # Errors
-/// When the file cannot be written.
+/// When a file cannot be written.
 pub fn write(folder: &Folder, plan: &Plan, manifest: &Manifest) -> anyhow::Result<()> {
+    match training_ledger(manifest) {
+        Ok(ledger) => write_whole(&folder.root().join("ledger.json"), ledger.text().as_bytes())?,
+        // Without a ledger a policy is undeclared, which is true.
+        Err(error) => tracing::warn!("no training ledger is written: {error:#}"),
+    }
     let text = card(plan, manifest, &credits(folder, manifest));
     write_whole(&folder.root().join("README.md"), text.as_bytes())
+}
+
+/// The training ledger of the episodes.
+///
+/// # Errors
+/// When the scenario of an episode is of an earlier contract.
+fn training_ledger(manifest: &Manifest) -> anyhow::Result<Ledger> {
+    let mut ledger = Ledger::default();
+    for done in &manifest.episodes {
+        let scenario: v1::Scenario = serde_json::from_value(done.scenario.clone())
+            .with_context(|| format!("the scenario of {}", done.episode))?;
+        ledger.add(&scenario);
+    }
+    Ok(ledger)
 }
 
 /// Authors and licenses of the world packs, from the first recording of each. A recording
@@ -74,9 +96,10 @@ fn card(plan: &Plan, manifest: &Manifest, packs: &[PackCredits]) -> String {
         .collect();
     let mut text = head(plan, manifest);
     text += &composition(manifest);
+    text += &by_home_and_object(&episodes);
     text += &coverage(&episodes);
     text += &card_section(packs);
-    text += &making(plan, manifest);
+    text += &making(plan, manifest, &episodes);
     text
 }
 
@@ -134,6 +157,62 @@ fn composition(manifest: &Manifest) -> String {
             sentences.len(),
             seconds / done.len() as f64
         );
+    }
+    text + "\n"
+}
+
+/// Episodes by home.
+fn homes_of<'a>(
+    episodes: &'a [SampledEpisode<'_>],
+) -> BTreeMap<&'a str, Vec<&'a SampledEpisode<'a>>> {
+    let mut homes: BTreeMap<&str, Vec<&SampledEpisode<'_>>> = BTreeMap::new();
+    for episode in episodes {
+        let scene = episode.scenario.scene.as_str();
+        homes.entry(scene).or_default().push(episode);
+    }
+    homes
+}
+
+/// Objects that were in the scene, with the number of episodes in which they were, and of
+/// those in which they were the target.
+fn placed_in<'a>(episodes: &'a [SampledEpisode<'_>]) -> BTreeMap<&'a str, [usize; 2]> {
+    let mut objects: BTreeMap<&str, [usize; 2]> = BTreeMap::new();
+    for episode in episodes {
+        for object in &episode.scenario.objects {
+            let counts = objects.entry(object.name.as_str()).or_default();
+            counts[0] += 1;
+            counts[1] += usize::from(episode.scenario.target() == object.name);
+        }
+    }
+    objects
+}
+
+fn counted(count: usize, word: &str) -> String {
+    format!("{count} {word}{}", if count == 1 { "" } else { "s" })
+}
+
+/// Content by home and by object.
+fn by_home_and_object(episodes: &[SampledEpisode<'_>]) -> String {
+    let mut text =
+        "| home | plan, style | episodes | tasks | targets |\n|---|---|---|---|---|\n".to_owned();
+    for (home, own) in homes_of(episodes) {
+        let kind = match OwnHomeId::from_name(home) {
+            Some(id) => format!("{}, {}", id.plan, id.style),
+            None => "–".to_owned(),
+        };
+        let tasks: BTreeSet<&str> = own.iter().map(|one| one.done.task.as_str()).collect();
+        let targets: BTreeSet<&str> = own.iter().map(|one| one.scenario.target()).collect();
+        let _ = writeln!(
+            text,
+            "| {home} | {kind} | {} | {} | {} |",
+            own.len(),
+            tasks.len(),
+            targets.len()
+        );
+    }
+    text += "\n| object | episodes | as the target |\n|---|---|---|\n";
+    for (object, [present, target]) in placed_in(episodes) {
+        let _ = writeln!(text, "| {object} | {present} | {target} |");
     }
     text + "\n"
 }
@@ -288,7 +367,7 @@ fn differs(plan: &Plan) -> String {
 }
 
 /// Commands, versions and settings of the dataset.
-fn making(plan: &Plan, manifest: &Manifest) -> String {
+fn making(plan: &Plan, manifest: &Manifest, episodes: &[SampledEpisode<'_>]) -> String {
     let origins: BTreeSet<&[String; 2]> = manifest.episodes.iter().map(|d| &d.origin).collect();
     let origins: Vec<String> = origins
         .iter()
@@ -303,7 +382,10 @@ fn making(plan: &Plan, manifest: &Manifest) -> String {
         ("Server and graphics adapter", origins.join("; ")),
         (
             "Scene, robot",
-            format!("{}, {}", plan.scenario().scene, plan.scenario().robot),
+            match plan.variation.homes.len() {
+                0 => format!("{}, {}", plan.scenario().scene, plan.scenario().robot),
+                homes => format!("{homes} homes, {}", plan.scenario().robot),
+            },
         ),
         ("Cameras", cameras.join(", ")),
         ("Differs between episodes", differs(plan)),
@@ -335,11 +417,13 @@ fn making(plan: &Plan, manifest: &Manifest) -> String {
          every failed attempt; `plan.toml` is the plan, `wheelarm replay FILE` runs any episode \
          again and compares its states.\n\n\
          ## Limits\n\n\
-         Everything is simulated: one furnished home, fifteen objects, a scripted operator that \
-         knows the true state. Failed attempts are {} of {} and not in `episodes/`. {kept}{images}.\n",
+         Everything is simulated: {homes}, {objects}, a scripted operator that knows the true \
+         state. Failed attempts are {} of {} and not in `episodes/`. {kept}{images}.\n",
         purposes.join(", "),
         manifest.failed_attempts.len(),
         manifest.failed_attempts.len() + manifest.episodes.len(),
+        homes = counted(homes_of(episodes).len(), "furnished home"),
+        objects = counted(placed_in(episodes).len(), "object"),
         kept = failure_analysis::sentence(losses).map_or(String::new(), |kept| format!(
             "{kept} (a separate split: `manifest.json` has the cause and the tick of each loss). "
         )),
@@ -356,6 +440,42 @@ fn making(plan: &Plan, manifest: &Manifest) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn content_is_listed_by_home_and_object() {
+        let done = Done {
+            task: "take_anything".to_owned(),
+            ..Done::default()
+        };
+        let episode = |scene: &str, target: &str| SampledEpisode {
+            done: &done,
+            scenario: v1::Scenario {
+                scene: scene.to_owned(),
+                target: Some(target.to_owned()),
+                objects: ["coke", "mustard"]
+                    .map(|name| v1::ObjectPlacement {
+                        name: name.to_owned(),
+                        ..v1::ObjectPlacement::default()
+                    })
+                    .to_vec(),
+                ..v1::Scenario::default()
+            },
+        };
+        let episodes = [
+            episode("studio-nordic-3", "coke"),
+            episode("studio-nordic-3", "mustard"),
+            episode("home", "coke"),
+        ];
+        let text = by_home_and_object(&episodes);
+        for row in [
+            "| studio-nordic-3 | studio, nordic | 2 | 1 | 2 |",
+            "| home | – | 1 | 1 | 1 |",
+            "| coke | 3 | 2 |",
+            "| mustard | 3 | 1 |",
+        ] {
+            assert!(text.contains(row), "{text}");
+        }
+    }
 
     #[test]
     fn angles_map_to_their_sector() {

@@ -22,6 +22,7 @@ use std::sync::Arc;
 use anyhow::{Context, anyhow, bail};
 use sha2::{Digest, Sha256};
 use wheelarm_dataset::publish;
+use wheelarm_options::choice::make_folder;
 
 use super::episode::Shard;
 use super::journal::Done;
@@ -132,9 +133,7 @@ impl Folder {
     pub fn make(root: &Path) -> anyhow::Result<Self> {
         let folder = Self::at(root);
         for part in ["episodes", "journal", "staging", "failed"] {
-            let path = folder.root.join(part);
-            std::fs::create_dir_all(&path)
-                .with_context(|| format!("making the folder {}", path.display()))?;
+            make_folder(&folder.root.join(part))?;
         }
         Ok(folder)
     }

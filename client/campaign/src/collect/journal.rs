@@ -22,7 +22,7 @@ pub enum Entry {
 }
 
 /// An episode that is in the dataset.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Done {
     /// Name of the episode.
     pub episode: String,

@@ -38,6 +38,7 @@ use wheelarm_proto::installed;
 
 use crate::adapters::AdapterArgs;
 use crate::worker_mode::WorkerMode;
+use crate::worlds::tasks_of_homes;
 use attempt::Setup;
 use capacity::{Host, PIPELINES, free_disk, is_memory, worker_bytes};
 use episode::{Episode, Shard, episodes};
@@ -50,9 +51,9 @@ use progress::ProgressView;
 use resume::{jobs, ledger, settle};
 use slot::Slot;
 use stop::Stop;
-use wheelarm_options::choice::{named, patience};
+use wheelarm_options::choice::{did_you_mean, named, patience};
 use wheelarm_options::packs::PackArgs;
-use wheelarm_rollout::launcher::{TaskSources, tasks_of_program};
+use wheelarm_rollout::launcher::TaskSources;
 
 pub use plan::PlanError;
 
@@ -82,8 +83,8 @@ pub struct CollectArgs {
     #[arg(long, value_name = "FILE")]
     pub durations: Option<PathBuf>,
     /// Episodes made at the same time; as many as memory and cores allow when absent.
-    #[arg(long, value_name = "N")]
-    pub workers: Option<NonZeroUsize>,
+    #[arg(long, alias = "workers", value_name = "N")]
+    pub jobs: Option<NonZeroUsize>,
     /// Makes part I of N, from 0/N to N-1/N, without a coordinator.
     #[arg(long, value_name = "I/N", default_value_t = Shard::WHOLE)]
     pub shard: Shard,
@@ -108,7 +109,7 @@ pub struct CollectArgs {
         long,
         value_name = "DIR",
         num_args = 1..,
-        conflicts_with_all = ["plan", "dry_run", "durations", "workers", "shard", "adapter", "adapters", "scratch"]
+        conflicts_with_all = ["plan", "dry_run", "durations", "jobs", "shard", "adapter", "scratch"]
     )]
     pub merge: Vec<PathBuf>,
 }
@@ -162,7 +163,7 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
     let free_scratch = args.scratch.as_deref().and_then(free_disk);
     let most = free_scratch.map_or(usize::MAX, |free| estimate.workers_in(free));
     let fits = || host.workers(&plan, kept).min(most).min(left.max(1));
-    let workers = args.workers.map_or_else(fits, NonZeroUsize::get);
+    let workers = args.jobs.map_or_else(fits, NonZeroUsize::get);
     host.check(workers)?;
     let packs = &args.packs.packs;
     let unknown = unknown(path, &plan, args.assets.as_deref(), packs)?;
@@ -171,7 +172,7 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
     }
     let assets = args.assets.clone().or_else(installed::assets);
     if let Some(words) = rights::check(path, &plan, &assets.unwrap_or_default(), packs)? {
-        eprintln!("warning: {words}; with licence = \"commercial\" in the plan it is refused");
+        eprintln!("warning: {words}; with pack_license = \"commercial\" in the plan it is refused");
     }
     let needed = (worker_bytes(&plan) + kept) * workers as f64;
     let free = host.memory.filter(|free| (*free as f64) < needed);
@@ -186,7 +187,7 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
         }
         estimate.check_disk(&out)?;
         if let Some(words) = short {
-            bail!("{words}; use fewer --workers or smaller cameras");
+            bail!("{words}; use fewer --jobs or smaller cameras");
         }
         return Ok(ExitCode::SUCCESS);
     }
@@ -308,7 +309,7 @@ fn explain(tally: &Tally, attempts: u32) {
     }
     if tally.retired > 0 {
         println!(
-            "{} workers were killed, most likely for lack of memory; their episodes were repeated with the same seeds: use fewer --workers, or a job with more memory",
+            "{} workers were killed, most likely for lack of memory; their episodes were repeated with the same seeds: use fewer --jobs, or a job with more memory",
             tally.retired
         );
     }
@@ -347,12 +348,14 @@ fn unknown_tasks(
         .map(|pack| pack.name.clone())
         .filter(|name| *name != plan.scenario().scene)
         .collect();
-    let listed = tasks_of_program(TaskSources {
+    let sources = TaskSources {
         assets,
         packs,
         scene: &plan.scenario().scene,
         objects: &objects,
-    })?;
+    };
+    let wanted: Vec<&str> = plan.tasks.iter().map(|task| task.name.as_str()).collect();
+    let listed = tasks_of_homes(sources, &plan.variation.homes, &wanted)?;
     let known: BTreeSet<&str> = listed.iter().map(|task| task.name.as_str()).collect();
     let unknown = plan
         .tasks
@@ -361,11 +364,12 @@ fn unknown_tasks(
     Ok(unknown.map(|task| {
         let known: Vec<&str> = known.into_iter().collect();
         format!(
-            "{}:{}: no task named {:?} in the assets; available: {}; correct the name or remove the entry",
+            "{}:{}: no task named {:?} in the assets; available: {}; correct the name or remove the entry{}",
             path.display(),
             task.line,
             task.name,
-            known.join(", ")
+            known.join(", "),
+            did_you_mean(&task.name, known.iter().copied())
         )
     }))
 }

@@ -1,8 +1,11 @@
 //! Checks the names of a plan against the assets before a campaign starts, because a server
 //! would reject every episode with an unknown name.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+use wheelarm_homes::own_home::OwnHomeId;
+use wheelarm_options::choice::did_you_mean;
 use wheelarm_pack::Store as PackStore;
 use wheelarm_proto::person::NO_PERSON;
 
@@ -29,16 +32,27 @@ pub fn unknown(path: &Path, plan: &Plan, assets: &Path, packs: &[PathBuf]) -> Op
     let named = |what, name, known| Named { what, name, known };
     let mut scenes = files(assets, "scenes");
     if !scenes.is_empty() {
-        scenes.extend(PackStore::search(packs, assets).names());
+        let found = PackStore::search(packs, assets).candidates();
+        // A pack of objects is not a scene; a zip file is not opened here.
+        let homes = found.into_iter().filter_map(|(name, path)| {
+            let has_home = path.is_file() || path.join("home.toml").is_file();
+            has_home.then_some(name)
+        });
+        scenes.extend(homes.collect::<BTreeSet<String>>());
     }
-    let mut all = vec![
-        named("scene", &plan.scenario().scene, scenes),
-        named(
-            "robot",
-            &plan.scenario().robot,
-            folders(assets, "robots", "robot.toml"),
-        ),
-    ];
+    let mut all: Vec<Named<'_>> = plan
+        .variation
+        .homes
+        .iter()
+        .chain([&plan.scenario().scene])
+        .filter(|name| !is_own_home(assets, name, plan.scenario().layout_seed))
+        .map(|name| named("scene", name, scenes.clone()))
+        .collect();
+    all.push(named(
+        "robot",
+        &plan.scenario().robot,
+        folders(assets, "robots", "robot.toml"),
+    ));
     let cameras = cameras(assets, &plan.scenario().robot);
     for camera in &plan.scenario().cameras {
         all.push(named("camera", &camera.name, cameras.clone()));
@@ -63,14 +77,22 @@ pub fn unknown(path: &Path, plan: &Plan, assets: &Path, packs: &[PathBuf]) -> Op
     all.iter().find(is_unknown).map(|unknown| {
         let line = line(&plan.text, unknown.name);
         format!(
-            "{}{}: no {} {:?} in the assets; available: {}; correct the name",
+            "{}{}: no {} {:?} in the assets; available: {}; correct the name{}",
             path.display(),
             line.map_or(String::new(), |line| format!(":{line}")),
             unknown.what,
             unknown.name,
-            unknown.known.join(", ")
+            unknown.known.join(", "),
+            did_you_mean(unknown.name, unknown.known.iter().map(String::as_str))
         )
     })
+}
+
+/// Whether a server makes a scene as an own home.
+fn is_own_home(assets: &Path, scene: &str, layout_seed: Option<u64>) -> bool {
+    let of_plan = layout_seed.map(|seed| OwnHomeId::of_scene(scene, "", seed));
+    let id = OwnHomeId::from_name(scene).or(of_plan);
+    id.is_some_and(|id| id.is_of(assets))
 }
 
 /// The first line of a plan that contains `name` as a string.

@@ -1,9 +1,10 @@
-//! Licenses of the world packs of a plan, checked before any episode is made.
+//! Licenses and splits of the world packs of a plan, checked before any episode is made.
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use wheelarm_pack::Store;
+use wheelarm_proto::seeds::Purpose;
 
 use super::plan::Plan;
 
@@ -13,8 +14,8 @@ use super::plan::Plan;
 /// assets has no pack.
 ///
 /// # Errors
-/// When the plan has `licence = "commercial"` and a part of a pack does not permit it, or
-/// when a pack is not valid.
+/// When the plan has `pack_license = "commercial"` and a part of a pack does not permit it, when the
+/// plan is for training and a pack is held out for tests, or when a pack is not valid.
 pub fn check(
     path: &Path,
     plan: &Plan,
@@ -28,15 +29,24 @@ pub fn check(
     });
     let further = plan.scenario().packs.iter().map(|pack| &pack.name);
     let further = further.filter(|name| *name != scene);
+    let further = further.chain(&plan.variation.homes);
     let mut problems = Vec::new();
     for name in of_scene.into_iter().chain(further) {
         let pack = Store::search(packs, assets).open(name);
         let pack = pack.with_context(|| format!("the pack {name:?} cannot be used"))?;
-        let Some(Err(problem)) = pack.map(|pack| pack.check_commercial()) else {
+        let Some(pack) = pack else { continue };
+        if pack.manifest().held_out && plan.purpose == Purpose::Train {
+            bail!(
+                "{}: the pack {name:?} is held out for tests, and the plan is for training; name \
+                 another pack, or use a purpose of tests",
+                path.display()
+            );
+        }
+        let Err(problem) = pack.check_commercial() else {
             continue;
         };
         if plan.commercial {
-            let what = format!("{} requires licence = \"commercial\"", path.display());
+            let what = format!("{} requires pack_license = \"commercial\"", path.display());
             return Err(anyhow::Error::new(problem).context(what));
         }
         problems.push(problem.to_string());
@@ -71,7 +81,7 @@ mod tests {
             let plan = Plan::parse(path, text).unwrap();
             check(path, &plan, &assets, &[packs.to_owned()])
         };
-        let commercial = format!("licence = \"commercial\"\n{PLAN}");
+        let commercial = format!("pack_license = \"commercial\"\n{PLAN}");
         for (license, permitted, words) in [
             ("CC0-1.0", true, ""),
             ("CC-BY-NC-4.0", false, "jar (CC-BY-NC-4.0)"),
@@ -86,13 +96,18 @@ mod tests {
             assert_eq!(refused.is_ok(), permitted, "{license}");
             if let Err(problem) = refused {
                 let text = format!("{problem:#}");
-                assert!(text.starts_with("p.toml requires licence"), "{text}");
+                assert!(text.starts_with("p.toml requires pack_license"), "{text}");
                 assert!(
                     text.contains(words) && text.contains("remove or replace"),
                     "{text}"
                 );
             }
         }
+        let folder = packs("pack.toml", "format = 1", "format = 1\nheld_out = true");
+        let train = PLAN.replace("\"x\"", "\"x\"\nfirst_seed = 10000");
+        let refused = check(train, folder.path()).unwrap_err().to_string();
+        assert!(refused.contains("held out for tests"), "{refused}");
+        assert_eq!(check(PLAN.to_owned(), folder.path()).unwrap(), None);
         // A scene of the assets has no pack.
         let home = commercial.replace("\"flat\"", "\"home\"");
         assert_eq!(check(home, Path::new("nowhere")).unwrap(), None);

@@ -14,6 +14,7 @@ use wheelarm_rollout::launcher::all_cameras;
 use super::compare::CompareArgs;
 use super::entry::Job;
 use super::scope::{Scope, read_split};
+use super::suite::VerifyArgs;
 use crate::adapters::AdapterArgs;
 use crate::axis::{Axis, AxisAt};
 use crate::disturb::Disturb;
@@ -21,7 +22,7 @@ use crate::policy_options::PolicyArgs;
 use crate::sentences::Language;
 use crate::variation::Variation;
 use crate::worker_mode::WorkerMode;
-use wheelarm_options::choice::{MOST_SEEDS, named, patience, seed_range};
+use wheelarm_options::choice::{MOST_SEEDS, camera, named, patience, seed_range};
 use wheelarm_options::packs::{ObjectPackArgs, PackArgs};
 
 /// Subcommands of `wheelarm evaluate`.
@@ -29,6 +30,8 @@ use wheelarm_options::packs::{ObjectPackArgs, PackArgs};
 pub enum Subcommand {
     /// Compares two evaluations of the same episodes, pair by pair.
     Compare(CompareArgs),
+    /// Checks the results of a suite, and computes their figures again from the episodes.
+    Verify(Box<VerifyArgs>),
 }
 
 /// Options of `wheelarm evaluate`.
@@ -51,6 +54,18 @@ pub struct EvaluateArgs {
     /// and sampling settings. With --episodes, the first of its seeds.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["seeds", "starts", "appearance", "language", "language_split", "style"])]
     pub split: Option<PathBuf>,
+    /// A frozen suite, for example assets/suites/robustness-core.toml: cells of one change each,
+    /// on the same seeds. An interrupted run continues.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["task", "seeds", "episodes", "split", "axis", "takeover", "starts",
+        "appearance", "language", "person", "disturb", "error_share", "style", "time_limits", "scene", "robot", "objects",
+        "record", "redraw_failures", "training_seeds"])]
+    pub suite: Option<PathBuf>,
+    /// Cells of the suite to run, separated by commas; all when absent.
+    #[arg(long, value_name = "CELLS", value_delimiter = ',', requires = "suite")]
+    pub cells: Vec<String>,
+    /// Training ledger of the policy [default: the file beside the policy].
+    #[arg(long, value_name = "FILE", requires = "suite")]
+    pub ledger: Option<PathBuf>,
     /// Axis of difficulty added to seeds or split, AXIS=STRENGTH: camera, noise, light,
     /// background, layout, robot, language, depth or delay, 1 to 3. May be repeated.
     #[arg(long, value_name = "AXIS", value_parser = AxisAt::read)]
@@ -71,12 +86,12 @@ pub struct EvaluateArgs {
     #[arg(long, value_parser = named::<WorkerMode>(), default_value = "process")]
     pub worker: WorkerMode,
     /// Servers that run at the same time.
-    #[arg(long, default_value = "1", value_name = "J")]
+    #[arg(long, default_value = "1", value_name = "N")]
     pub jobs: NonZeroUsize,
     #[command(flatten)]
     pub graphics: AdapterArgs,
     /// Folder for the results; an interrupted run in it is resumed.
-    #[arg(long, default_value = "data/evaluate")]
+    #[arg(long, default_value = "data/evaluate", value_name = "DIR")]
     pub out: PathBuf,
     /// Records every episode as an HDF5 file into the folder.
     #[arg(long)]
@@ -85,12 +100,12 @@ pub struct EvaluateArgs {
     /// Keeps recordings of failures only, unless --record is given.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub redraw_failures: Option<u32>,
-    /// Camera of the recordings, `NAME=WIDTHxHEIGHT@HZ`, may be
-    /// repeated, `*` for each other camera of the robot; `*=640x360@10` when absent.
+    /// Camera of the recordings, NAME=WIDTHxHEIGHT@HZ, or WIDTHxHEIGHT@HZ for each other camera
+    /// of the robot. May be repeated; 640x360@10 when absent.
     #[arg(
         long,
         requires = "record",
-        value_parser = v1::CameraSetting::from_text,
+        value_parser = camera,
         value_name = "CAMERA"
     )]
     pub camera: Vec<v1::CameraSetting>,
@@ -194,6 +209,15 @@ impl EvaluateArgs {
             ));
         }
         let shared = &mut scope.variation.scenario;
+        // Results name them, so that those of other objects are not counted together.
+        shared.packs = self.objects.refs();
+        if self.robot != defaults::ROBOT {
+            shared.robot.clone_from(&self.robot);
+        }
+        match (scope.variation.homes.is_empty(), self.scene.as_str()) {
+            (true, defaults::SCENE) | (false, _) => {}
+            (true, scene) => scene.clone_into(&mut shared.scene),
+        }
         if self.style != Style::default() {
             shared.style = Some(self.style.name().to_owned());
         }
@@ -258,16 +282,23 @@ impl EvaluateArgs {
         cameras: Vec<v1::CameraSetting>,
     ) -> v1::Scenario {
         let shared = job.map(|job| job.variation.for_episode(job.seed));
+        let shared = shared.unwrap_or_default();
         v1::Scenario {
-            scene: self.scene.clone(),
+            scene: match shared.scene.as_str() {
+                "" => self.scene.clone(),
+                scene => scene.to_owned(),
+            },
             robot: self.robot.clone(),
             task: Some(job.map(|job| job.task.clone()).unwrap_or_default()),
             seed: Some(job.map_or(0, |job| job.seed)),
             cameras,
             pacing: v1::Pacing::LockStep.into(),
             quality: Quality::Standard.code().into(),
-            packs: self.objects.refs(),
-            ..shared.unwrap_or_default()
+            packs: match shared.packs.is_empty() {
+                true => self.objects.refs(),
+                false => shared.packs.clone(),
+            },
+            ..shared
         }
     }
 }

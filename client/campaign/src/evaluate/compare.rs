@@ -22,7 +22,7 @@ pub struct CompareArgs {
     /// Folder of another one.
     pub other: PathBuf,
     /// Folder for the images `pairs.png` and `difference.png`; not written when absent.
-    #[arg(long)]
+    #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 }
 

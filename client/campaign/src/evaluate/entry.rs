@@ -32,7 +32,14 @@ impl Job {
     /// Settings of its scenario beside task and seed, as one line; empty for the defaults.
     #[must_use]
     pub fn settings(&self) -> String {
-        self.variation.words(0).trim_start().to_owned()
+        let [scene, robot, ..] = self.variation.images_and_rates();
+        let mut words = self.variation.words(0);
+        for (name, value) in [("scene", scene), ("robot", robot)] {
+            if !value.is_empty() {
+                words.push_str(&format!(" {name}={value}"));
+            }
+        }
+        words.trim_start().to_owned()
     }
 }
 
@@ -113,6 +120,13 @@ pub struct Entry {
     /// (count); absent for none.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub rejected_starts: u32,
+    /// Sentence of the episode; empty in lines of earlier versions and where the episode did
+    /// not begin.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub instruction: String,
+    /// Target of the task; empty as the sentence.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub target: String,
     /// Notes of the operator.
     pub notes: Vec<String>,
     /// Wall time of the policy's answers, s: their number, mean, and what 99 of 100
@@ -226,6 +240,34 @@ impl Entry {
 mod tests {
     use super::*;
     use crate::earlier_logs::resumed;
+
+    #[test]
+    fn results_name_scene_robot_and_packs_of_objects() {
+        let job = |scenario| Job {
+            task: "take_anything".to_owned(),
+            seed: 3,
+            variation: Variation {
+                scenario,
+                ..Variation::default()
+            },
+            policy: String::new(),
+            policy_files: String::new(),
+        };
+        assert_eq!(job(v1::Scenario::default()).settings(), "");
+        let settings = job(v1::Scenario {
+            scene: "studio-nordic-3".to_owned(),
+            robot: "wheelarm_wide".to_owned(),
+            packs: vec![v1::PackRef {
+                name: "care".to_owned(),
+                ..v1::PackRef::default()
+            }],
+            ..v1::Scenario::default()
+        })
+        .settings();
+        for word in ["care", "scene=studio-nordic-3", "robot=wheelarm_wide"] {
+            assert!(settings.contains(word), "{settings}");
+        }
+    }
 
     #[test]
     fn results_of_earlier_versions_are_read_and_resumed() {

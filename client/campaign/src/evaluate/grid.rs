@@ -184,8 +184,8 @@ fn last_images(args: &EvaluateArgs, job: &Job) -> anyhow::Result<[RgbImage; 2]> 
         folder: None,
         observer: last.clone(),
     };
-    let backend = Processes::new(args.assets.clone(), args.graphics.adapter.clone())
-        .with_packs(&args.packs.packs);
+    let backend =
+        Processes::new(args.assets.clone(), args.graphics.first()).with_packs(&args.packs.packs);
     let result = backend.run(&rollout).and_then(|result| Ok(result?));
     result.with_context(|| format!("{} seed {}", job.task, job.seed))?;
     let mut images = std::mem::take(&mut *last.images.lock()).into_iter();

@@ -19,26 +19,30 @@ mod report;
 mod runner;
 mod scope;
 mod statistics;
+mod suite;
+mod work;
 
 use std::collections::BTreeMap;
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{Context, bail};
-use parking_lot::Mutex;
 use wheelarm_dataset::publish;
+use wheelarm_options::choice::make_folder;
 use wheelarm_proto::v1;
 use wheelarm_rollout::EpisodeLog;
 
+use crate::listed_tasks::check_task;
 use crate::policy_options::{Choice, DriverChoice, Start, files};
+use crate::worlds::tasks_of_homes;
 use entry::Job;
 use report::Report;
-use runner::Runner;
 use scope::Scope;
-use wheelarm_rollout::launcher::{TaskSources, refusal_of_program, tasks_of_program};
+use wheelarm_rollout::launcher::TaskSources;
+use work::{begin, work};
 
 pub use args::EvaluateArgs;
 pub use entry::Entry;
+pub use suite::SuiteReport;
 
 /// Exit code when an episode broke.
 const BROKEN: u8 = 3;
@@ -49,14 +53,27 @@ const BROKEN: u8 = 3;
 /// When a program cannot be started, a recorder fails, or the folder cannot be
 /// written.
 pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
-    if let Some(args::Subcommand::Compare(args)) = &args.subcommand {
-        compare::run(args)?;
-        return Ok(ExitCode::SUCCESS);
+    match &args.subcommand {
+        Some(args::Subcommand::Compare(args)) => {
+            compare::run(args)?;
+            return Ok(ExitCode::SUCCESS);
+        }
+        Some(args::Subcommand::Verify(args)) => {
+            suite::verify(args)?;
+            return Ok(ExitCode::SUCCESS);
+        }
+        None => {}
     }
-    std::fs::create_dir_all(&args.out)
-        .with_context(|| format!("making the folder {}", args.out.display()))?;
+    if let Some(file) = &args.suite {
+        let is_broken = suite::run(args, file)?;
+        return Ok(match is_broken {
+            true => ExitCode::from(BROKEN),
+            false => ExitCode::SUCCESS,
+        });
+    }
+    make_folder(&args.out)?;
     let scope = args.scope()?;
-    let tasks = tasks(args, scope.layout)?;
+    let tasks = tasks(args, scope.layout, &scope.variation.homes)?;
     let driver = DriverChoice::start(
         &args.policy,
         &Start {
@@ -105,7 +122,7 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
         let entries: Vec<&Entry> = entries.collect();
         print!("{}", skipped(args, &entries, done.len() + open.len()));
     }
-    work(args, &driver, &open, &log)?;
+    work(args, &driver, &open, &log, &|_| Ok(()))?;
     let entries: Vec<Entry> = log
         .entries()
         .into_iter()
@@ -129,33 +146,6 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
     } else {
         ExitCode::FAILURE
     })
-}
-
-/// Moves earlier results aside with `--fresh`. Otherwise rejects results of a policy with
-/// other files, because they would be counted together with the new ones.
-fn begin(args: &EvaluateArgs, wanted: &[Job], log: &EpisodeLog<Entry>) -> anyhow::Result<()> {
-    if args.fresh {
-        let is_old = |entry: &Entry| {
-            wanted
-                .iter()
-                .any(|job| entry.is_of(job) || entry.is_outdated(job))
-        };
-        if let Some(aside) = log.set_aside(is_old)? {
-            println!("the earlier results are in {}", aside.display());
-        }
-        return Ok(());
-    }
-    let known = log.entries();
-    let is_outdated = |entry: &&Entry| wanted.iter().any(|job| entry.is_outdated(job));
-    let outdated = known.iter().filter(is_outdated).count();
-    if outdated > 0 {
-        bail!(
-            "the files of the policy changed since {outdated} of the episodes in {}: add --fresh \
-             to repeat all episodes, or choose another folder with --out",
-            args.out.display()
-        );
-    }
-    Ok(())
 }
 
 /// Prints and writes the report, with its images.
@@ -211,14 +201,18 @@ fn skipped(args: &EvaluateArgs, done: &[&Entry], wanted: usize) -> String {
 
 /// Names of the tasks to run. With the axis `layout`, `all` means the tasks that have several
 /// layouts.
-fn tasks(args: &EvaluateArgs, layout: bool) -> anyhow::Result<Vec<String>> {
+fn tasks(args: &EvaluateArgs, layout: bool, homes: &[String]) -> anyhow::Result<Vec<String>> {
     let sources = TaskSources {
         assets: args.assets.as_deref(),
         packs: &args.packs.packs,
         scene: &args.scene,
         objects: &args.objects.objects,
     };
-    let listed = tasks_of_program(sources)?;
+    let named = match args.task.as_str() {
+        "all" => Vec::new(),
+        list => each_once(list)?,
+    };
+    let listed = tasks_of_homes(sources, homes, &named)?;
     let (several, one): (Vec<_>, Vec<_>) = listed.iter().partition(|task| task.variants.len() > 1);
     let names = |tasks: Vec<&v1::TaskInfo>| {
         let names = tasks.into_iter().map(|task| task.name.clone());
@@ -237,14 +231,7 @@ fn tasks(args: &EvaluateArgs, layout: bool) -> anyhow::Result<Vec<String>> {
     }
     let mut tasks = Vec::new();
     for name in each_once(&args.task)? {
-        if !all.iter().any(|task| task == name) {
-            let reason = refusal_of_program(sources, name)?.unwrap_or_default();
-            bail!(
-                "no task named {name:?} in {}: {reason}; available: {}",
-                args.scene,
-                all.join(", ")
-            );
-        }
+        check_task(sources, &listed, name)?;
         if layout && one.iter().any(|task| task == name) {
             bail!(
                 "the task {name:?} has one layout, so the axis `layout` changes nothing; tasks with several: {}",
@@ -268,56 +255,6 @@ fn each_once(list: &str) -> anyhow::Result<Vec<&str>> {
         }
     }
     Ok(names)
-}
-
-/// Runs the open episodes on `--jobs` servers.
-fn work(
-    args: &EvaluateArgs,
-    driver: &DriverChoice,
-    open: &[Job],
-    log: &EpisodeLog<Entry>,
-) -> anyhow::Result<()> {
-    if open.is_empty() {
-        return Ok(());
-    }
-    let next = AtomicUsize::new(0);
-    let trouble: Mutex<Option<anyhow::Error>> = Mutex::new(None);
-    let adapters = args.graphics.of_workers(args.jobs.get().min(open.len()))?;
-    std::thread::scope(|scope| {
-        for (index, adapter) in adapters.into_iter().enumerate() {
-            let (trouble, next) = (&trouble, &next);
-            scope.spawn(move || {
-                let mut args = args.clone();
-                args.graphics.adapter = adapter;
-                if let Err(error) = run_sequentially((&args, driver), index, open, next, log) {
-                    // The other runners finish their episodes.
-                    next.store(open.len(), Ordering::Relaxed);
-                    trouble.lock().get_or_insert(error);
-                }
-            });
-        }
-    });
-    trouble.into_inner().map_or(Ok(()), Err)
-}
-
-/// Runs the episodes of runner number `index`: takes the next open one until none is left.
-fn run_sequentially(
-    (args, driver): (&EvaluateArgs, &DriverChoice),
-    index: usize,
-    open: &[Job],
-    next: &AtomicUsize,
-    log: &EpisodeLog<Entry>,
-) -> anyhow::Result<()> {
-    let runner = Runner::new(args, driver, index)?;
-    loop {
-        let at = next.fetch_add(1, Ordering::Relaxed);
-        let Some(job) = open.get(at) else {
-            return Ok(());
-        };
-        let entry = runner.episode(job)?;
-        println!("{:>4} of {}  {}", at + 1, open.len(), entry.line());
-        log.append(&entry)?;
-    }
 }
 
 #[cfg(test)]

@@ -15,7 +15,8 @@ use super::report::{Report, SHARES, TaskReport};
 
 /// Kinds of ends with a separate colour; the others share one.
 const KINDS: usize = 8;
-const STYLE: &str = "
+/// Style of the pages.
+pub const STYLE: &str = "
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 75rem; margin: 2rem auto; padding: 0 1rem; color: #1c2026; background: #fafaf8 }
 h1, h2, h3 { line-height: 1.2 }
 table { border-collapse: collapse; margin: 1rem 0; display: block; overflow-x: auto }
@@ -372,7 +373,7 @@ fn percent([low, high]: [f64; 2]) -> String {
 }
 
 /// Text with escaped markup: instructions and errors of policies are arbitrary.
-fn escaped(words: &str) -> String {
+pub fn escaped(words: &str) -> String {
     let mut out = String::with_capacity(words.len());
     for c in words.chars() {
         match c {

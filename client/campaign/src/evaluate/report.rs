@@ -368,6 +368,8 @@ mod tests {
             factor: 5.0,
             hash: String::new(),
             rejected_starts: 0,
+            instruction: String::new(),
+            target: String::new(),
             notes: Vec::new(),
             broken: None,
             scenario: None,

@@ -38,7 +38,7 @@ impl<'a> Runner<'a> {
             depth: args.depth,
             ..Record::new(&format!("evaluate-{index}"), &args.out)
         });
-        let (assets, adapter) = (args.assets.clone(), args.graphics.adapter.clone());
+        let (assets, adapter) = (args.assets.clone(), args.graphics.first());
         // A policy is queried from this process, which also removes the recordings of successes.
         let is_in_process = args.worker == WorkerMode::Process
             && driver.is_expert()
@@ -131,6 +131,8 @@ impl<'a> Runner<'a> {
                 .hash
                 .map_or_else(String::new, |hash| format!("{hash:016x}")),
             rejected_starts: finished.scenario.rejected_starts,
+            instruction: finished.scenario.instruction().to_owned(),
+            target: finished.scenario.target().to_owned(),
             thinking: answer_times(finished.answer_seconds),
             broken,
             scenario: broken.map(|_| scenario_json(&finished.scenario)),

@@ -7,7 +7,6 @@ use std::path::Path;
 use anyhow::{Context, bail};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
-use sha2::{Digest, Sha256};
 use toml::Spanned;
 use wheelarm_proto::installed::file_or_asset;
 use wheelarm_proto::seeds::Purpose;
@@ -15,8 +14,10 @@ use wheelarm_proto::settings::Named;
 use wheelarm_proto::v1;
 
 use crate::axis::AxisAt;
+use crate::frozen;
 use crate::renamed_keys::translated;
 use crate::variation::{Variation, VariationFile};
+use crate::worlds::Worlds;
 
 /// The episodes of an evaluation.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,7 +61,11 @@ fn empty() -> Spanned<v1::Scenario> {
     Spanned::new(0..0, v1::Scenario::default())
 }
 
-fn named<'de, T: Named, D: Deserializer<'de>>(from: D) -> Result<T, D::Error> {
+/// Deserializes a named value.
+///
+/// # Errors
+/// When no value has the name.
+pub fn named<'de, T: Named, D: Deserializer<'de>>(from: D) -> Result<T, D::Error> {
     let name = String::deserialize(from)?;
     T::from_name(&name).map_err(D::Error::custom)
 }
@@ -135,18 +140,12 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
     }
     let variation = file.variation.checked(file.scenario);
     let mut variation = variation.map_err(|(span, what)| at(Some(span), &what))?;
-    let hash = hash(text)?;
-    match &file.frozen {
-        Some(frozen) if *frozen != hash => bail!(
-            "{}: the split was frozen as {frozen}, and its content now has {hash}; a frozen split is never changed: undo the change, or give it a file name of its own",
-            path.display()
-        ),
-        Some(_) => {}
-        None => bail!(
-            "{}: it is not frozen; when it is final, add the line frozen = \"{hash}\"",
-            path.display()
-        ),
+    if !variation.homes.is_empty() {
+        let worlds = Worlds::shipped()?;
+        let one_side = worlds.check_one_side(&variation.homes);
+        one_side.with_context(|| path.display().to_string())?;
     }
+    frozen::check(path, text, file.frozen.as_deref())?;
     let layout = file.axes.iter().any(|axis| axis.is_layout());
     file.axes.into_iter().for_each(|axis| variation.set(axis));
     Ok(Scope {
@@ -155,31 +154,6 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
         seeds: first..end,
         variation,
     })
-}
-
-/// Hash of a split without its `frozen` line, 16 hexadecimal digits; independent of comments
-/// and the order of lines.
-fn hash(text: &str) -> anyhow::Result<String> {
-    let mut table: toml::Table = text.parse()?;
-    table.remove("frozen");
-    let digest = Sha256::digest(serde_json::to_string(&sorted(&table.into()))?);
-    let digits: Vec<String> = digest[..8].iter().map(|b| format!("{b:02x}")).collect();
-    Ok(digits.concat())
-}
-
-/// As JSON, with the keys in order.
-fn sorted(value: &toml::Value) -> serde_json::Value {
-    match value {
-        toml::Value::Table(table) => {
-            let entries: std::collections::BTreeMap<_, _> = table
-                .iter()
-                .map(|(key, v)| (key.clone(), sorted(v)))
-                .collect();
-            serde_json::Value::from_iter(entries)
-        }
-        toml::Value::Array(values) => values.iter().map(sorted).collect(),
-        other => serde_json::json!(other),
-    }
 }
 
 #[cfg(test)]

@@ -92,6 +92,24 @@ pub fn bootstrap(values: &[f64]) -> [f64; 2] {
     quantiles(&means, [TAIL, 1.0 - TAIL]).unwrap_or_default()
 }
 
+/// Interval at 95 % of the ratio of two sums over pairs, the second number of each over the
+/// first: percentiles over resampled pairs. Resamples whose first numbers are all 0 have no
+/// ratio and are left out; `None` when all do. Deterministic for the same pairs.
+#[must_use]
+pub fn ratio_bootstrap(pairs: &[(f64, f64)]) -> Option<[f64; 2]> {
+    let count = pairs.len() as u64;
+    let ratio = |resample: u64| {
+        let sampled = (0..count).map(|i| mixed(mixed(resample) ^ i) % count);
+        let (below, above) = sampled.fold((0.0, 0.0), |(below, above), at| {
+            let (one, other) = pairs[at as usize];
+            (below + one, above + other)
+        });
+        (below > 0.0).then(|| above / below)
+    };
+    let ratios: Vec<f64> = (0..RESAMPLES).filter_map(ratio).collect();
+    quantiles(&ratios, [TAIL, 1.0 - TAIL])
+}
+
 /// Point from which a monotone condition holds, 0 to 1.
 fn root(holds: impl Fn(f64) -> bool) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);
@@ -163,6 +181,37 @@ mod tests {
         // 2 * 0.5^60, where a difference from 1 would be 0.
         assert!((mcnemar(60, 0) / 0.5_f64.powi(59) - 1.0).abs() < 1e-9);
         assert!((mcnemar(2, 55) / 2.295_386_1e-14 - 1.0).abs() < 1e-7);
+    }
+
+    #[test]
+    fn ratio_bootstrap_agrees_with_every_resample_and_with_the_normal_approximation() {
+        // All 4^4 equally likely resamples of four pairs; those of the third alone have no ratio.
+        let four = [(1.0, 1.0), (1.0, 0.0), (0.0, 0.0), (1.0, 1.0)];
+        let mut exact = Vec::new();
+        for code in 0..256_usize {
+            let sampled = (0..4).map(|i| four[(code >> (2 * i)) & 3]);
+            let (one, other) = sampled.fold((0.0, 0.0), |(a, b), (c, d)| (a + c, b + d));
+            exact.extend((one > 0.0).then(|| other / one));
+        }
+        let exact = quantiles(&exact, [TAIL, 1.0 - TAIL]).unwrap();
+        assert_eq!(ratio_bootstrap(&four), Some(exact));
+        // 80 successes of 120, of which 40 are kept, and 10 new ones: 0.625. The delta method:
+        // sum of (other - ratio * one)^2 = 40 * 0.375^2 + 40 * 0.625^2 + 10 = 31.25, so the
+        // standard error is sqrt(31.25) / 80 = 0.0699.
+        let pairs: Vec<(f64, f64)> = (0..120)
+            .map(|i| match i {
+                0..40 => (1.0, 1.0),
+                40..80 => (1.0, 0.0),
+                80..90 => (0.0, 1.0),
+                _ => (0.0, 0.0),
+            })
+            .collect();
+        let [low, high] = ratio_bootstrap(&pairs).unwrap();
+        assert!((low - (0.625 - 1.96 * 0.0699)).abs() < 0.015, "{low}");
+        assert!((high - (0.625 + 1.96 * 0.0699)).abs() < 0.015, "{high}");
+        assert_eq!(ratio_bootstrap(&[(1.0, 1.0); 9]), Some([1.0, 1.0]));
+        assert_eq!(ratio_bootstrap(&[(0.0, 1.0); 9]), None);
+        assert_eq!(ratio_bootstrap(&[]), None);
     }
 
     #[test]

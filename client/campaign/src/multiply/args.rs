@@ -35,10 +35,10 @@ pub struct MultiplyArgs {
     #[arg(long, value_parser = seed_range, value_name = "A..B")]
     pub seeds: Option<(u64, u64)>,
     /// Folder for the episodes; an interrupted run in it is resumed.
-    #[arg(long)]
+    #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
     /// Workers that run at the same time.
-    #[arg(long, default_value = "1", value_name = "J")]
+    #[arg(long, default_value = "1", value_name = "N")]
     pub jobs: NonZeroUsize,
     /// Seed of the choice among the sources and of the noise; without --seeds also of the
     /// scenes.

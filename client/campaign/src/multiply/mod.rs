@@ -18,9 +18,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use parking_lot::Mutex;
 use wheelarm_dataset::publish;
+use wheelarm_options::choice::make_folder;
 use wheelarm_proto::seeds::Purpose;
 use wheelarm_proto::settings::Named;
 use wheelarm_rollout::EpisodeLog;
@@ -52,8 +53,7 @@ struct Progress {
 /// When no source exists, a program cannot be started, or the folder cannot be written.
 pub fn run(args: &MultiplyArgs) -> anyhow::Result<ExitCode> {
     let (first, end) = seeds(args)?;
-    std::fs::create_dir_all(&args.out)
-        .with_context(|| format!("making the folder {}", args.out.display()))?;
+    make_folder(&args.out)?;
     let kept = std::fs::canonicalize(&args.out)?;
     let is_kept = |dir: PathBuf| std::fs::canonicalize(dir).is_ok_and(|dir| dir == kept);
     if is_kept(args.dir.clone()) || is_kept(args.dir.join("episodes")) {

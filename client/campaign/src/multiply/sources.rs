@@ -21,6 +21,7 @@ use wheelarm_sdk::Client;
 
 use super::args::MultiplyArgs;
 use crate::replay::packs::RecordedPacks;
+use crate::worlds::Worlds;
 
 /// Recordings to multiply.
 pub struct Sources {
@@ -54,6 +55,7 @@ impl Sources {
             packs: RecordedPacks::default(),
             robot: String::new(),
         };
+        let worlds = Worlds::shipped()?;
         let mut server: Option<(Server, Client)> = None;
         let most = args.sources.map_or(usize::MAX, |most| most.get());
         for path in files(&args.dir)? {
@@ -74,6 +76,13 @@ impl Sources {
                 }
             };
             let scenario = recording.scenario()?;
+            if let Some(part) = worlds.held_out_part(&scenario) {
+                let why = format!(
+                    "{part} is kept for tests, and multiplied episodes are training data; use a demonstration without it"
+                );
+                sources.left_out.push((name, why));
+                continue;
+            }
             if sources.list.is_empty() {
                 sources.scene.clone_from(&scenario.scene);
                 sources.refs.clone_from(&scenario.packs);

@@ -59,6 +59,29 @@ impl Choice {
         })
     }
 
+    /// The word before the colon.
+    #[must_use]
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Operator => "operator",
+            Self::Hold => "hold",
+            Self::Repeat => "repeat",
+            Self::Replay(_) => "replay",
+            Self::Act(_) => "act",
+            Self::Exec(_) => "exec",
+            Self::Zenoh(_) => "zenoh",
+            Self::Openpi(_) => "openpi",
+            Self::Lerobot(_) => "lerobot",
+        }
+    }
+
+    /// Whether its answers are the same on every machine: it computes them in this process,
+    /// without images, which differ between GPUs.
+    #[must_use]
+    pub fn is_exact(&self) -> bool {
+        !self.has_cameras()
+    }
+
     /// Whether the policy may need images.
     #[must_use]
     pub fn has_cameras(&self) -> bool {

@@ -182,6 +182,24 @@ impl DriverChoice {
         ))
     }
 
+    /// SHA-256 of the policy's weights, hexadecimal; empty without any.
+    #[must_use]
+    pub fn weights(&self) -> &str {
+        match self {
+            Self::Expert => "",
+            Self::Policy(policy, ..) => &policy.spec().weights_sha256,
+        }
+    }
+
+    /// Whether the driver observes images.
+    #[must_use]
+    pub fn observes_images(&self) -> bool {
+        match self {
+            Self::Expert => false,
+            Self::Policy(policy, ..) => !policy.spec().cameras.is_empty(),
+        }
+    }
+
     /// Name for results; empty for the scripted operator.
     #[must_use]
     pub fn name(&self) -> String {

@@ -8,7 +8,7 @@ use wheelarm_proto::settings::Quality;
 use wheelarm_proto::v1;
 
 use crate::adapters::AdapterArgs;
-use wheelarm_options::choice::named;
+use wheelarm_options::choice::{camera, named};
 use wheelarm_options::packs::PackArgs;
 
 /// Options of `wheelarm replay`.
@@ -17,7 +17,7 @@ pub struct ReplayArgs {
     /// Episode file.
     pub file: PathBuf,
     /// Folder for a new recording; only compares when absent.
-    #[arg(long)]
+    #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Width of the new images of the recorded cameras, pixels.
     #[arg(long, requires = "out")]
@@ -25,13 +25,13 @@ pub struct ReplayArgs {
     /// Height of the new images of the recorded cameras, pixels.
     #[arg(long, requires = "out")]
     pub height: Option<u32>,
-    /// Another camera as NAME=WIDTHxHEIGHT@HZ; may be repeated. One of the
-    /// recorded cameras' names replaces its setting.
+    /// Another camera, NAME=WIDTHxHEIGHT@HZ, or WIDTHxHEIGHT@HZ for every camera of the robot.
+    /// May be repeated. One of the recorded cameras' names replaces its setting.
     #[arg(
         long,
         requires = "out",
-        value_parser = v1::CameraSetting::from_text,
-        value_name = "NAME=WxH@HZ"
+        value_parser = camera,
+        value_name = "CAMERA"
     )]
     pub camera: Vec<v1::CameraSetting>,
     /// Records the run this many times, each with another appearance and into its own file,

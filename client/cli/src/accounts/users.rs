@@ -25,7 +25,7 @@ pub enum UsersCommand {
         #[arg(long, value_parser = roles())]
         role: Role,
         /// An operator that also receives full images, as a policy does.
-        #[arg(long = "pictures")]
+        #[arg(long, alias = "pictures")]
         images: bool,
         /// Also sets a password for the web page: typed, or a line of standard input.
         #[arg(long)]
@@ -49,7 +49,7 @@ pub enum UsersCommand {
         #[arg(long, value_parser = roles())]
         role: Role,
         /// An operator that also receives full images, as a policy does.
-        #[arg(long = "pictures")]
+        #[arg(long, alias = "pictures")]
         images: bool,
     },
     /// Lists the users.
@@ -75,7 +75,7 @@ const EFFECT: &str = "its connections and sessions end within a second";
 fn check_images(role: Role, images: bool) -> anyhow::Result<()> {
     if images && role != Role::Operator {
         anyhow::bail!(
-            "--pictures applies to operators only: the images of a {role} follow from its role"
+            "--images applies to operators only: the images of a {role} follow from its role"
         );
     }
     Ok(())

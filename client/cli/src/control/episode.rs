@@ -43,7 +43,7 @@ pub struct EpisodeStopArgs {
     #[arg(long)]
     pub discard: bool,
     /// Discards even while another client is in control.
-    #[arg(long, requires = "discard")]
+    #[arg(long, alias = "take", requires = "discard")]
     pub force: bool,
 }
 

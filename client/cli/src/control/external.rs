@@ -1,13 +1,40 @@
 //! `wheelarm X` runs `wheelarm-X` when X is not built in, as cargo does.
 
 use std::ffi::OsString;
+use std::os::unix::process::CommandExt;
 use std::process::{Command, ExitCode};
 
 use anyhow::{Context, bail};
+use wheelarm_options::choice::nearest;
 use wheelarm_rollout::launcher::{end_with_parent, find_program, programs_named};
 
-/// Similarity (Jaro-Winkler, 0 to 1) from which a name is suggested.
-const SUGGESTED_SIMILARITY: f64 = 0.85;
+/// Words that users type in place of a command, and that command.
+const MEANT: [(&str, &str); 15] = [
+    ("align", "wheelarm dataset align"),
+    ("convert", "wheelarm dataset export"),
+    ("export", "wheelarm dataset export"),
+    (
+        "import",
+        "wheelarm home import FILE.sh3d` or `wheelarm object import MESH",
+    ),
+    ("info", "wheelarm dataset info"),
+    ("list", "wheelarm tasks"),
+    ("play", "wheelarm replay"),
+    ("quit", "wheelarm shutdown"),
+    ("run", "wheelarm demo` or `wheelarm server"),
+    ("serve", "wheelarm server"),
+    ("start", "wheelarm server` or `wheelarm episode start"),
+    ("stop", "wheelarm shutdown` or `wheelarm episode stop"),
+    (
+        "train",
+        "wheelarm collect` for episodes, `wheelarm dataset export` for a trainer, and `wheelarm evaluate --policy",
+    ),
+    ("version", "wheelarm --version"),
+    ("view", "wheelarm dataset view"),
+];
+
+/// Command that runs the server.
+pub const SERVER: &str = "server";
 
 /// Cargo feature of a command that this build lacks.
 fn left_out(name: &str) -> Option<&'static str> {
@@ -16,16 +43,6 @@ fn left_out(name: &str) -> Option<&'static str> {
         "teleop" => Some("terminal"),
         _ => None,
     }
-}
-
-/// The most similar name among `known`, if one is similar enough.
-fn nearest<'a>(name: &str, known: &'a [String]) -> Option<&'a str> {
-    let similarity = |known: &String| strsim::jaro_winkler(name, known);
-    let likely = known
-        .iter()
-        .filter(|known| similarity(known) >= SUGGESTED_SIMILARITY);
-    let best = likely.max_by(|a, b| similarity(a).total_cmp(&similarity(b)));
-    best.map(String::as_str)
 }
 
 /// Runs an external subcommand and returns its exit code; `known` are the built-in
@@ -47,15 +64,23 @@ pub fn run_external(words: &[OsString], known: Vec<String>) -> anyhow::Result<Ex
         }
         let mut known = known;
         known.extend(programs_named("wheelarm-"));
-        if let Some(nearest) = nearest(&name, &known) {
+        if let Some((_, meant)) = MEANT.iter().find(|(word, _)| *word == name) {
+            bail!("no command `wheelarm {name}`; use `{meant}`");
+        }
+        if let Some(nearest) = nearest(&name, known.iter().map(String::as_str)) {
             bail!("no command `wheelarm {name}`; did you mean `wheelarm {nearest}`?");
         }
         bail!(
-            "`wheelarm {name}` is not built in, and `{program}` is neither beside this program nor on PATH; see `wheelarm --help`"
+            "no command `wheelarm {name}`: it is not built in, and no program `{program}` is beside this one or on PATH; `wheelarm --help` lists the commands"
         );
     };
     let mut command = Command::new(&path);
     command.args(arguments);
+    if name == SERVER {
+        // In place of this program, so that signals reach the server.
+        let error = command.exec();
+        return Err(error).with_context(|| format!("starting {}", path.display()));
+    }
     // A signal that ends this program also ends the child.
     end_with_parent(&mut command);
     let status = command
@@ -78,23 +103,4 @@ pub fn run_external(words: &[OsString], known: Vec<String>) -> anyhow::Result<Ex
             .and_then(|code| u8::try_from(code).ok())
             .unwrap_or(1),
     ))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn misspelled_command_suggests_the_nearest_name() {
-        let known = ["evaluate", "episode", "record", "dataset", "drive"].map(str::to_owned);
-        for (typed, meant) in [
-            ("evalute", Some("evaluate")),
-            ("recrod", Some("record")),
-            ("datset", Some("dataset")),
-            ("episodes", Some("episode")),
-            ("fly", None),
-        ] {
-            assert_eq!(nearest(typed, &known), meant, "{typed}");
-        }
-    }
 }

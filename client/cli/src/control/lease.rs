@@ -29,10 +29,10 @@ pub enum LeaseCommand {
 #[derive(Args, Clone, Debug)]
 pub struct LeaseHoldArgs {
     /// Name of the commander.
-    #[arg(long, default_value = "hand", value_parser = wheelarm_options::choice::name)]
-    pub name: String,
+    #[arg(long, alias = "name", default_value = "hand", value_parser = wheelarm_options::choice::name, value_name = "NAME")]
+    pub commander: String,
     /// Takes control over from the commander that holds it.
-    #[arg(long)]
+    #[arg(long, alias = "force")]
     pub take: bool,
 }
 
@@ -48,10 +48,10 @@ const PATIENCE: Duration = Duration::from_millis(100);
 pub fn lease(client: &Client, command: &LeaseCommand) -> anyhow::Result<ExitCode> {
     let LeaseCommand::Hold(args) = command;
     let interrupted = listen()?;
-    let mut turns = client.turns(&args.name, args.take, &[])?;
+    let mut turns = client.turns(&args.commander, args.take, &[])?;
     println!(
         "{} is in control of {}; Ctrl-C releases it",
-        args.name,
+        args.commander,
         client.keys().sim()
     );
     let lines = lines();
@@ -71,7 +71,7 @@ pub fn lease(client: &Client, command: &LeaseCommand) -> anyhow::Result<ExitCode
         if checked.elapsed() > CHECK_INTERVAL {
             checked = Instant::now();
             let status: v1::Status = client.request(&v1::StatusRequest {})?;
-            if status.holder != args.name {
+            if status.holder != args.commander {
                 match status.holder.as_str() {
                     "" => bail!("control ended: the server released it"),
                     other => bail!("{other:?} took control"),
@@ -80,7 +80,7 @@ pub fn lease(client: &Client, command: &LeaseCommand) -> anyhow::Result<ExitCode
         }
     }
     drop(turns);
-    println!("{} released control", args.name);
+    println!("{} released control", args.commander);
     Ok(ExitCode::SUCCESS)
 }
 

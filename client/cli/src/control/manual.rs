@@ -1,28 +1,15 @@
 //! Long parts of `--help` and of the man pages: examples, exit codes, environment.
 
-macro_rules! environment {
-    ($($more:literal)*) => {
-        concat!(
-            "Environment:\n",
-            "  WHEELARM_CONNECT  endpoint of the server, as --connect\n",
-            "  WHEELARM_SIM      name of the server, as --sim\n",
-            "  WHEELARM_KEYS     folder of keys, as --keys\n",
-            "  WHEELARM_USER     user of that folder, as --user\n",
-            "  RUST_LOG          more messages on standard error, for example RUST_LOG=wheelarm_cli=debug",
-            $($more)*
-        )
-    };
-}
-
 macro_rules! manual {
     ($examples:literal, $codes:literal $(, $more:literal)*) => {
-        concat!("Examples:\n", $examples, "\nExit codes:\n", $codes, "\n", environment!($($more)*))
+        concat!("Examples:\n", $examples, "\nExit codes:\n", $codes $(, $more)*)
     };
 }
 
 /// `wheelarm`.
 pub const WHEELARM: &str = manual!(
     "  wheelarm doctor                    checks this host and the server
+  wheelarm server                    a server, until Ctrl-C, for the commands below
   wheelarm demo                      records one episode, without a running server
   wheelarm teleop                    drives by keyboard; a page shows the cameras
   wheelarm record --out data/today   records every episode into a file
@@ -32,7 +19,14 @@ pub const WHEELARM: &str = manual!(
   1  failed; the message names the fix
   2  the command line is wrong
   3  finished with loss: a recording is incomplete, or samples were missed
-"
+",
+    "
+Environment:
+  WHEELARM_CONNECT  endpoint of the server, as --connect
+  WHEELARM_SIM      name of the server, as --sim
+  WHEELARM_KEYS     folder of keys, as --keys
+  WHEELARM_USER     user of that folder, as --user
+  RUST_LOG          more messages on standard error, for example RUST_LOG=wheelarm_cli=debug"
 );
 
 /// `wheelarm status`.
@@ -55,7 +49,7 @@ pub const PACK: &str = manual!(
     "  0  done
   1  a pack is not valid, or the server rejects it; the message names the fix
 ",
-    "\n  WHEELARM_PACKS    folders of packs, separated by `:`, as --packs"
+    "\nEnvironment:\n  WHEELARM_PACKS    folders of packs, separated by `:`, as --packs"
 );
 
 /// `wheelarm keys`.
@@ -63,6 +57,7 @@ pub const KEYS: &str = manual!(
     "  wheelarm keys init --host sim-host --keys /srv/wheelarm/keys
   wheelarm users add anna --role operator --keys /srv/wheelarm/keys
   wheelarm keys user anna --days 90 --keys /srv/wheelarm/keys
+  wheelarm keys router --keys /srv/wheelarm/keys --out router.json5
   wheelarm-server --keys /srv/wheelarm/keys --listen tls/0.0.0.0:7447
   wheelarm --connect tls/sim-host:7447 --keys anna teleop
 ",
@@ -87,6 +82,8 @@ pub const ROUTER: &str = manual!(
 pub const USERS: &str = manual!(
     "  wheelarm users add anna --role operator --keys /srv/wheelarm/keys
   wheelarm users password anna --keys /srv/wheelarm/keys
+  wheelarm users role anna --role viewer --keys /srv/wheelarm/keys
+  wheelarm users remove anna --keys /srv/wheelarm/keys
   wheelarm users list --keys /srv/wheelarm/keys
 ",
     "  0  done
@@ -125,7 +122,7 @@ pub const PAUSE: &str = manual!(
 
 /// `wheelarm lease`.
 pub const LEASE: &str = manual!(
-    "  wheelarm lease hold --name anna     and in another terminal:
+    "  wheelarm lease hold --commander anna     and in another terminal:
   wheelarm episode start --label try-1
   wheelarm episode stop
 ",
@@ -176,26 +173,27 @@ pub const OPERATE: &str = manual!(
 /// `wheelarm demo`.
 pub const DEMO: &str = manual!(
     "  wheelarm demo --seed 3 --out data/demo
-  wheelarm demo --seeds 0..10 --width 640 --height 360
+  wheelarm demo --seeds 0..10 --camera 640x360@10
 ",
     "  0  every task succeeded and every file is complete
   1  one did not
   3  a file is partial
 ",
-    "\n  WHEELARM_ASSETS   assets folder, as --assets"
+    "\nEnvironment:\n  WHEELARM_ASSETS   assets folder, as --assets"
 );
 
 /// `wheelarm evaluate`.
 pub const EVALUATE: &str = manual!(
     "  wheelarm evaluate --task all --seeds 0..50 --jobs 4
   wheelarm evaluate --task all --seeds 0..50 --again   repeats episodes that broke
+  wheelarm evaluate compare data/one data/other
 ",
     "  0  every episode of every task succeeded
   1  one did not, or a program could not be started
   3  in one of them the physics, the server or the scenario failed: episodes.jsonl
      lists it as failed, with the scenario, and the other episodes were run
 ",
-    "\n  WHEELARM_ASSETS   assets folder, as --assets"
+    "\nEnvironment:\n  WHEELARM_ASSETS   assets folder, as --assets"
 );
 
 /// `wheelarm multiply`.
@@ -207,7 +205,7 @@ pub const MULTIPLY: &str = manual!(
     "  0  the requested number of episodes was kept
   1  fewer were kept, or nothing could be multiplied; the same command continues
 ",
-    "\n  WHEELARM_ASSETS   assets folder, as --assets
+    "\nEnvironment:\n  WHEELARM_ASSETS   assets folder, as --assets
 \nThe root attribute multiplied_from of a file names its source episode. The folder's
 report.json counts the attempts and their failures."
 );
@@ -220,7 +218,7 @@ pub const REPLAY: &str = manual!(
     "  0  the same bits
   1  they differ (the first differing tick is named), or the file cannot be replayed
 ",
-    "\n  WHEELARM_ASSETS   assets folder, as --assets"
+    "\nEnvironment:\n  WHEELARM_ASSETS   assets folder, as --assets"
 );
 
 /// `wheelarm teleop`.
@@ -234,7 +232,7 @@ pub const TELEOP: &str = manual!(
   1  the terminal closed, a signal arrived, or standard output is not a terminal; the
      chair was stopped
 ",
-    "\n  NO_COLOR          no colours
+    "\nEnvironment:\n  NO_COLOR          no colours
 \nKeys (also ? inside):
   u i o  j k l  m , .   chair; k stops; a direction stays until another key of the chair
   q z  w x  e c         both speeds, forward speed, turn rate: 10 % more, less
@@ -300,13 +298,14 @@ pub const CACHE: &str = manual!(
     "  0  shown or cleared
   1  the folder cannot be listed, or an entry cannot be removed
 ",
-    "\n  WHEELARM_CACHE    folder of the cache; off for none"
+    "\nEnvironment:\n  WHEELARM_CACHE    folder of the cache; off for none"
 );
 
 /// `wheelarm home`.
 pub const HOME: &str = manual!(
     "  wheelarm home import FLAT.sh3d --name anna-flat
   wheelarm home import HOUSE.sh3d --name house --level 2 --without chairs,rugs
+  wheelarm home make studio --style nordic --layout-seed 3 --out homes
   wheelarm home list
   wheelarm home report anna-flat --out anna-report
   wheelarm-server --scene anna-flat
@@ -314,7 +313,7 @@ pub const HOME: &str = manual!(
     "  0  imported, listed or reported; what was left out is printed
   1  the file is not a home, has no closed room, or the pack or robot cannot be read or written
 ",
-    "\n  WHEELARM_PACKS    folders of packs; an import writes into the first"
+    "\nEnvironment:\n  WHEELARM_PACKS    folders of packs; an import writes into the first"
 );
 
 /// `wheelarm new`.
@@ -338,7 +337,7 @@ pub const OBJECT: &str = manual!(
     "  0  imported or checked; what is unusual is printed
   1  the mesh, an option or the pack cannot be used
 ",
-    "\n  WHEELARM_PACKS    folders of packs; an import writes into the first"
+    "\nEnvironment:\n  WHEELARM_PACKS    folders of packs; an import writes into the first"
 );
 
 /// `wheelarm completions`.
@@ -382,6 +381,7 @@ pub const COLLECT: &str = manual!(
      scenario, and an attempt with a new seed replaced it
 ",
     "
+Environment:
   WHEELARM_ASSETS   assets folder, as --assets
   TMPDIR            folder for the sockets of the workers, /tmp without it"
 );

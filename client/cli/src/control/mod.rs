@@ -8,6 +8,9 @@ mod port;
 mod print;
 mod tasks;
 
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::time::Duration;
+
 use clap::Args;
 use wheelarm_proto::settings::Starts;
 use wheelarm_proto::v1;
@@ -17,7 +20,7 @@ use wheelarm_sdk::{Client, ClientError, Connect};
 use wheelarm_options::choice::named;
 
 pub use episode::{EpisodeCommand, EpisodeStartArgs, EpisodeStopArgs, episode};
-pub use external::run_external;
+pub use external::{SERVER, run_external};
 pub use lease::{LeaseCommand, LeaseHoldArgs, lease};
 pub use port::refuse_closed;
 pub use print::{episode_line, evaluation_lines};
@@ -42,26 +45,48 @@ pub struct ResetArgs {
     /// Instruction; sampled from the task's by seed when absent.
     #[arg(long)]
     pub instruction: Option<String>,
-    /// Also while another client is in control.
-    #[arg(long)]
+    /// Also while another client is in control, which keeps control.
+    #[arg(long, alias = "take")]
     pub force: bool,
 }
 
 /// Options of `wheelarm shutdown`.
 #[derive(Args, Clone, Copy, Debug)]
 pub struct ShutdownArgs {
-    /// Also while another client is in control.
-    #[arg(long)]
+    /// Also while another client is in control, which keeps control.
+    #[arg(long, alias = "take")]
     pub force: bool,
 }
 
-/// Connects. A closed port of this host fails at once.
+/// Time after which a wait is announced, so that a quick reply prints nothing.
+const SILENCE: Duration = Duration::from_secs(1);
+
+/// Runs `work`; after a second prints on standard error for what it waits.
+pub fn announced<T>(what: &str, work: impl FnOnce() -> T) -> T {
+    std::thread::scope(|scope| {
+        let (done, end) = mpsc::channel::<()>();
+        scope.spawn(move || {
+            if end.recv_timeout(SILENCE) == Err(RecvTimeoutError::Timeout) {
+                eprintln!("waiting for {what}");
+            }
+        });
+        let result = work();
+        drop(done);
+        result
+    })
+}
+
+/// Connects. A closed port of this host fails at once; a longer wait names the server.
 ///
 /// # Errors
 /// [`ClientError`].
 pub fn open(connect: &Connect) -> Result<Client, ClientError> {
     refuse_closed(&connect.endpoint)?;
-    Client::open(connect)
+    let what = format!(
+        "the server {:?} at {}, at most {} s",
+        connect.sim, connect.endpoint, connect.timeout_secs
+    );
+    announced(&what, || Client::open(connect))
 }
 
 /// Prints the status of the server. A closed port of this host fails at once.

@@ -5,12 +5,13 @@
 
 mod summary;
 
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use parking_lot::Mutex;
@@ -19,15 +20,18 @@ use wheelarm_proto::settings::Quality;
 use wheelarm_proto::{defaults, v1};
 
 use summary::Summary;
+use wheelarm_campaign::listed_tasks::check_task;
 use wheelarm_campaign::policy_options::{DriverChoice, PolicyArgs, Start};
 use wheelarm_expert::run::Progress;
-use wheelarm_options::choice::{named, seed_range};
+use wheelarm_options::choice::{camera, make_folder, named, seed_range};
 use wheelarm_options::packs::{ObjectPackArgs, PackArgs};
 use wheelarm_rollout::launcher::{
-    Input, Launch, Process, Program, TaskSources, all_cameras, refusal_of_program, tasks_of_program,
+    Input, Launch, Process, Program, TaskSources, all_cameras, tasks_of_program,
 };
 use wheelarm_rollout::{Backend, Limits, Observer, Processes, Record, Rollout, free_label};
 
+/// Interval of progress lines where standard error is not a terminal, for example in a notebook.
+const PROGRESS_INTERVAL: Duration = Duration::from_secs(15);
 /// Longest time for rendering a contact sheet.
 const SHEET_PATIENCE: Duration = Duration::from_secs(120);
 
@@ -41,7 +45,7 @@ pub struct DemoArgs {
     #[arg(long, value_parser = seed_range, value_name = "A..B", conflicts_with = "seed")]
     pub seeds: Option<(u64, u64)>,
     /// Folder for the files.
-    #[arg(long, default_value = "data/demo")]
+    #[arg(long, default_value = "data/demo", value_name = "DIR")]
     pub out: PathBuf,
     /// Task.
     #[arg(long, default_value = defaults::TASK)]
@@ -52,14 +56,18 @@ pub struct DemoArgs {
     /// Robot, a folder in assets/robots.
     #[arg(long, default_value = defaults::ROBOT)]
     pub robot: String,
+    /// Camera, NAME=WIDTHxHEIGHT@HZ, or WIDTHxHEIGHT@HZ for every camera of the robot. May be
+    /// repeated; 1280x720@10 when absent. The rate divides 240.
+    #[arg(long, value_name = "CAMERA", value_parser = camera)]
+    pub camera: Vec<v1::CameraSetting>,
     /// Image width, pixels.
-    #[arg(long, default_value_t = defaults::CAMERA_SIZE[0])]
+    #[arg(long, hide = true, default_value_t = defaults::CAMERA_SIZE[0], conflicts_with = "camera")]
     pub width: u32,
     /// Image height, pixels.
-    #[arg(long, default_value_t = defaults::CAMERA_SIZE[1])]
+    #[arg(long, hide = true, default_value_t = defaults::CAMERA_SIZE[1], conflicts_with = "camera")]
     pub height: u32,
     /// Images per simulated second of each camera; divides 240.
-    #[arg(long, default_value_t = defaults::CAMERA_RATE_HZ)]
+    #[arg(long, hide = true, default_value_t = defaults::CAMERA_RATE_HZ, conflicts_with = "camera")]
     pub rate: f64,
     /// Active sensor model, MODEL or MODEL@CAMERA, a file in assets/sensors; with
     /// =STRENGTH from 0 to 3. May be repeated.
@@ -121,18 +129,10 @@ pub fn run(args: &DemoArgs) -> anyhow::Result<ExitCode> {
         objects: &args.objects.objects,
     };
     let tasks = tasks_of_program(sources)?;
-    if !args.task.is_empty() && !tasks.iter().any(|task| task.name == args.task) {
-        let names: Vec<&str> = tasks.iter().map(|task| task.name.as_str()).collect();
-        let reason = refusal_of_program(sources, &args.task)?.unwrap_or_default();
-        bail!(
-            "no task named {:?} in {}: {reason}; available: {}",
-            args.task,
-            args.scene,
-            names.join(", ")
-        );
+    if !args.task.is_empty() {
+        check_task(sources, &tasks, &args.task)?;
     }
-    std::fs::create_dir_all(&args.out)
-        .with_context(|| format!("making the folder {}", args.out.display()))?;
+    make_folder(&args.out)?;
     let driver = DriverChoice::start(
         &args.policy,
         &Start {
@@ -178,13 +178,18 @@ fn record_episode(args: &DemoArgs, driver: &DriverChoice, seed: u64) -> anyhow::
     )?);
     bar.enable_steady_tick(Duration::from_millis(120));
     bar.set_message(format!("seed {seed}: starting the server"));
+    let lines = (!std::io::stderr().is_terminal()).then(|| Mutex::new(begun));
     // A policy receives the images that it was trained with, and these are recorded.
-    let cameras = vec![all_cameras(args.width, args.height, args.rate)];
+    let cameras = match args.camera.is_empty() {
+        true => vec![all_cameras(args.width, args.height, args.rate)],
+        false => args.camera.clone(),
+    };
     let display = Arc::new(Display {
         bar: bar.clone(),
         seed,
         begun,
         newest: Mutex::default(),
+        lines,
     });
     let rollout = Rollout {
         scenario: args.scenario(seed, driver.cameras(cameras, false)?),
@@ -227,6 +232,8 @@ struct Display {
     seed: u64,
     begun: Instant,
     newest: Mutex<NewestStatus>,
+    /// Time of the newest progress line, where standard error is not a terminal.
+    lines: Option<Mutex<Instant>>,
 }
 
 /// Values of the newest status message.
@@ -243,14 +250,21 @@ impl Observer for Display {
             self.bar
                 .println(format!("  {:6.1} s  {note}", progress.time));
         }
-        self.bar.set_message(format!(
+        let line = format!(
             "seed {}: {:5.1} s simulated, {:<11} {:4} images, {:.2}x real time",
             self.seed,
             progress.time,
             progress.phase,
             self.newest.lock().frames,
             progress.factor
-        ));
+        );
+        if let Some(mut printed) = self.lines.as_ref().map(Mutex::lock)
+            && printed.elapsed() >= PROGRESS_INTERVAL
+        {
+            *printed = Instant::now();
+            eprintln!("{line}");
+        }
+        self.bar.set_message(line);
     }
 
     fn status(&self, status: &v1::Status) {

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
+use wheelarm_options::choice::did_you_mean;
 use wheelarm_pack::{Pack, Store};
 use wheelarm_proto::installed::{self, ASSETS_VARIABLE};
 
@@ -32,12 +33,13 @@ pub fn pack_with(store: &Store, name: &str) -> anyhow::Result<(Pack, PathBuf)> {
         1 => {}
         0 => bail!(
             "no object named {name:?} in {}; available: {}; import it with `wheelarm object \
-             import`, or name its folder of packs with --packs",
+             import`, or name its folder of packs with --packs{}",
             folders(store),
             match known.is_empty() {
                 true => "none".to_owned(),
                 false => known.join(", "),
-            }
+            },
+            did_you_mean(name, known.iter().map(String::as_str))
         ),
         _ => {
             let packs = found.iter().map(|(_, path)| path.display().to_string());

@@ -3,12 +3,13 @@
 use std::fmt::Write;
 use std::path::PathBuf;
 
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use clap::Args;
 use wheelarm_import::object::{
     Categories, Hand, ObjectOptions, ObjectSummary, SizeOptions, Up, import, length, with_object,
 };
 use wheelarm_import::{slug, write};
+use wheelarm_options::choice::did_you_mean;
 use wheelarm_options::packs::PackArgs;
 use wheelarm_pack::Pack;
 use wheelarm_proto::installed::ASSETS_VARIABLE;
@@ -25,6 +26,12 @@ pub struct ImportArgs {
     /// Category, one of assets/categories.toml: mug, bottle, can, box, …
     #[arg(long)]
     category: String,
+    /// Noun of the object in sentences, after its color; by default that of the category.
+    #[arg(long, value_name = "TEXT")]
+    noun: Option<String>,
+    /// The object is held out for tests: training takes the others.
+    #[arg(long)]
+    held_out: bool,
     /// Name of the object; by default from the name of the file.
     #[arg(long)]
     name: Option<String>,
@@ -84,6 +91,8 @@ pub fn run(args: &ImportArgs) -> anyhow::Result<String> {
     let options = ObjectOptions {
         name: name.clone(),
         category: args.category.clone(),
+        noun: args.noun.clone(),
+        held_out: args.held_out,
         size: SizeOptions {
             size: args.size,
             scale: args.scale,
@@ -96,6 +105,10 @@ pub fn run(args: &ImportArgs) -> anyhow::Result<String> {
     };
     let hand = Hand::read(&assets, &args.robot)?;
     let categories = Categories::read(&assets)?;
+    categories.named(&args.category).map_err(|error| {
+        let known = categories.all().iter().map(|one| one.name.as_str());
+        anyhow!("{error}{}", did_you_mean(&args.category, known))
+    })?;
     let imported = import(&args.file, &options, &categories, &hand)?;
     let out = match &args.out {
         Some(out) => out.clone(),

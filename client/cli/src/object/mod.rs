@@ -4,6 +4,7 @@
 mod check;
 mod find;
 mod import;
+mod tally;
 
 use clap::Subcommand;
 

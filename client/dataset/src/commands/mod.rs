@@ -3,6 +3,7 @@
 mod annotate;
 mod arguments;
 mod children;
+mod examples;
 mod files;
 mod parts;
 mod process;
@@ -11,7 +12,7 @@ mod video;
 
 use std::path::{Path, PathBuf};
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use wheelarm_dataset::convert::learning::RowOptions;
 use wheelarm_dataset::convert::lerobot::{ImageFormat, LeRobotOptions};
 use wheelarm_dataset::convert::{FormatName, Size};
@@ -61,7 +62,7 @@ enum Command {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
         /// Leaves the images in the recording.
-        #[arg(long = "no-pictures")]
+        #[arg(long, alias = "no-pictures")]
         no_images: bool,
     },
     /// Labels the phases 0 to 3 from motion and compares with the operator's.
@@ -106,7 +107,13 @@ enum Command {
         trim_idle: Option<f64>,
         /// How lerobot keeps images: as video by ffmpeg (WHEELARM_FFMPEG, else on
         /// PATH), or as PNG.
-        #[arg(long = "pictures", value_enum, default_value_t, value_name = "HOW")]
+        #[arg(
+            long = "images",
+            alias = "pictures",
+            value_enum,
+            default_value_t,
+            value_name = "HOW"
+        )]
         image_format: ImageFormat,
         /// Adds to lerobot what the depth sensors gave; exact depth is never in it.
         /// LeRobot reads depth videos from 0.6 on. Adds to tensors the same, and exact
@@ -133,6 +140,18 @@ enum Command {
         /// Also writes the table as CSV.
         #[arg(long, value_name = "CSV")]
         csv: Option<PathBuf>,
+    },
+    /// Writes the training ledger of a policy that is trained on the recordings: their seeds,
+    /// homes, objects and sentences.
+    Ledger {
+        #[command(flatten)]
+        input: Files,
+        /// The ledger, for example FILE.ledger.json beside the policy FILE.safetensors.
+        #[arg(long, value_name = "JSON")]
+        out: PathBuf,
+        /// File of the policy; the ledger is then valid for this file only.
+        #[arg(long, value_name = "FILE")]
+        weights: Option<PathBuf>,
     },
     /// Draws LABEL.movement.png and LABEL.synchronisation.png.
     Plot {
@@ -181,12 +200,21 @@ pub fn main(mut cli: Cli) -> anyhow::Result<u8> {
 }
 
 impl Cli {
+    /// Reads the command line; the help of every command has an example.
+    #[must_use]
+    pub fn read() -> Self {
+        let matches = examples::added(Self::command()).get_matches();
+        Self::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+    }
+
     /// The recordings that a command takes several of.
     fn files(&mut self) -> Option<&mut Files> {
         match &mut self.command {
             Command::Info { .. } | Command::Recover { .. } | Command::Sheet { .. } => None,
             Command::Video(_) => None,
-            Command::Validate { input } | Command::Stats { input, .. } => Some(input),
+            Command::Validate { input }
+            | Command::Stats { input, .. }
+            | Command::Ledger { input, .. } => Some(input),
             Command::Align { input, .. }
             | Command::Label { input, .. }
             | Command::Annotate { input, .. }
@@ -255,6 +283,11 @@ fn run(cli: Cli) -> anyhow::Result<u8> {
         Command::Stats { input, plot, csv } => {
             process::stats(&input, plot.as_deref(), csv.as_deref())
         }
+        Command::Ledger {
+            input,
+            out,
+            weights,
+        } => process::ledger(&input, &out, weights.as_deref()),
         Command::Plot { input, out } => process::plot(&input, out.as_deref()),
         Command::View { input, out } => process::view(&input, out.as_deref()),
         Command::Video(options) => video::video(options),
@@ -282,7 +315,7 @@ fn code(complete: bool) -> u8 {
 
 #[cfg(test)]
 mod tests {
-    use clap::{CommandFactory, ValueEnum};
+    use clap::ValueEnum;
     use wheelarm_dataset::convert::Capabilities;
 
     use super::*;

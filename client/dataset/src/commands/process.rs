@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use anyhow::Context;
+use sha2::{Digest, Sha256};
 use wheelarm_dataset::align::{self, accuracy};
 use wheelarm_dataset::convert::batch::{self, Numbers, each, failures, threads};
 use wheelarm_dataset::convert::csv_table::CsvTable;
@@ -17,6 +19,7 @@ use wheelarm_dataset::convert::{Capabilities, Format, FormatName, PendingFile, R
 use wheelarm_dataset::label::{self, Agreement, agreement};
 use wheelarm_dataset::read::Episode;
 use wheelarm_dataset::{composition, plot as plots, validate as check, view as pages};
+use wheelarm_policy::ledger::Ledger;
 
 use super::arguments::{FAILED, FINE, Files, Input, PARTIAL};
 use super::files::{beside, check_image_path, jobs, options, recordings};
@@ -294,7 +297,7 @@ fn check_options(name: FormatName, options: &LeRobotOptions) -> anyhow::Result<(
         (
             *image_format != ImageFormat::default(),
             |format| format.image_formats,
-            "--pictures is",
+            "--images is",
             "the other formats have one way to store images",
         ),
     ];
@@ -394,6 +397,39 @@ pub fn stats(input: &Files, plot: Option<&Path>, csv: Option<&Path>) -> anyhow::
         println!("{}", pending.commit()?.display());
     }
     Ok(code(&results))
+}
+
+/// Writes the training ledger of a policy that was trained on the recordings. `weights` is
+/// the file of the policy, whose hash binds the ledger to it.
+pub fn ledger(input: &Files, out: &Path, weights: Option<&Path>) -> anyhow::Result<u8> {
+    let files = recordings(input)?;
+    let results = each(&files, jobs(input), |_, file| {
+        Ok(Episode::open(file)?.scenario()?)
+    });
+    let mut ledger = Ledger::default();
+    let scenarios = results
+        .iter()
+        .filter_map(|(_, result)| result.as_ref().ok());
+    scenarios.for_each(|scenario| ledger.add(scenario));
+    let code = code(&results);
+    // A ledger that leaves out an episode would declare too little.
+    if code != FINE {
+        return Ok(code);
+    }
+    if let Some(weights) = weights {
+        let bytes = std::fs::read(weights)
+            .with_context(|| format!("reading the policy {}", weights.display()))?;
+        let digest = Sha256::digest(bytes);
+        ledger.policy = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+    }
+    std::fs::write(out, ledger.text()).with_context(|| format!("writing {}", out.display()))?;
+    println!(
+        "{}: {} episodes, hash {}",
+        out.display(),
+        files.len(),
+        ledger.hash()
+    );
+    Ok(code)
 }
 
 pub fn plot(input: &Input, out: Option<&Path>) -> anyhow::Result<u8> {

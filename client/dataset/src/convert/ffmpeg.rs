@@ -232,13 +232,13 @@ mod tests {
 
     #[test]
     fn a_missing_program_is_an_error_with_the_fix() {
-        let nowhere = Program::from_path("/nowhere/ffmpeg".into(), "use --pictures png");
+        let nowhere = Program::from_path("/nowhere/ffmpeg".into(), "use --images png");
         let error = nowhere.request(&["-encoders"]).unwrap_err().to_string();
         for words in [
             "/nowhere/ffmpeg",
             "apt-get install",
             PROGRAM,
-            "or use --pictures png",
+            "or use --images png",
         ] {
             assert!(error.contains(words), "{error}");
         }

@@ -30,7 +30,7 @@ pub struct Capabilities {
     pub action_rows: bool,
     /// `--depth`: depth images are optional.
     pub depth: bool,
-    /// `--pictures`: images can be stored in several ways.
+    /// `--images`: images can be stored in several ways.
     pub image_formats: bool,
     /// `--language`: columns of generated language.
     pub language: bool,

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 
 use safetensors::tensor::{Dtype, TensorView};
 use serde_json::{Value, json};
+use wheelarm_policy::ledger::Ledger;
 use wheelarm_policy::{STATE, state_names, state_units};
 
 use super::batch::parallel;
@@ -36,7 +37,7 @@ const TABLE: [&str; 3] = ["joint_state", "pose", "imu"];
 /// | `depth.CAMERA` | N × height × width, u16 | with [`Tensors::depth`]: millimetres, 0 where nothing is |
 ///
 /// The metadata has one key, `wheelarm`, whose text is JSON: the layout, label,
-/// instruction, task, seed, success, rate, names and units, cameras; `thing` is the target of
+/// instruction, task, seed, success, rate, names and units, cameras, training ledger; `thing` is the target of
 /// `thing_names` that the task is about.
 #[derive(Clone, Debug)]
 pub struct Tensors {
@@ -215,8 +216,19 @@ impl Tensors {
             "thing": has.keypoints.as_ref().map(|keypoints| &keypoints.object),
             "thing_names": has.keypoints.as_ref().map(|keypoints| &keypoints.objects),
             "calibration": intrinsics::cameras(recording, self.size),
+            "ledger": ledger(recording),
         })
     }
+}
+
+/// The training ledger of one episode; null where its scenario cannot be read.
+fn ledger(recording: &Recording) -> Value {
+    let Ok(scenario) = recording.episode.scenario() else {
+        return Value::Null;
+    };
+    let mut ledger = Ledger::default();
+    ledger.add(&scenario);
+    serde_json::from_str(&ledger.text()).unwrap_or_default()
 }
 
 /// Tensors that not every episode has.

@@ -390,11 +390,17 @@ impl Operator {
         (act, Some(outcome))
     }
 
+    /// The goal's object in `house`.
+    #[must_use]
+    pub fn object(&self, observation: &Observation) -> Option<Isometry3<f64>> {
+        let poses = self.scene.poses(observation);
+        poses.get(self.goal.item()).copied()
+    }
+
     /// The goal's object in the end effector's frame.
     #[must_use]
     pub fn object_in_hand(&self, observation: &Observation) -> Isometry3<f64> {
-        let poses = self.scene.poses(observation);
-        let object = poses.get(self.goal.item()).copied().unwrap_or_default();
+        let object = self.object(observation).unwrap_or_default();
         self.scene.house_from_tool(observation).inv_mul(&object)
     }
 

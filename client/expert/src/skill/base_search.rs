@@ -15,6 +15,7 @@ use crate::habits::Habits;
 use wheelarm_planning::floor_map::STOP_CLEARANCE;
 use wheelarm_planning::footprint_check::{FootprintCheck, Pose2};
 use wheelarm_planning::hybrid_a_star::{DriveGoal, Segment};
+use wheelarm_planning::posture_routes::STOP_GOALS;
 use wheelarm_planning::route_planner::RoutePlanner;
 
 /// Placements that are checked for reach and path per stop.
@@ -28,6 +29,8 @@ const WANTED: usize = 60;
 const PATHLESS: usize = 12;
 /// A placement this near to one without a path has none either, metres and radians.
 const NEIGHBOUR: [f64; 2] = [0.045, 0.15];
+/// Goals of one search are at least this far apart, metres and radians.
+const APART: [f64; 2] = [0.1, 0.2];
 /// Levels of requirements on a placement: the whole work, or only its first step.
 const LEVELS: usize = 2;
 /// A placement that did not work is not taken again within this, metres and radians.
@@ -105,8 +108,14 @@ fn wanted(
             let slide_now = now.observation.slides.get(*slide).copied().unwrap_or(0.0);
             let joint = &now.scene.slides[*slide];
             let aim = now.goal.aim(now.scene).map_or(slide_now, |(_, aim)| aim);
-            let pulled = |share: f64| joint.carried(&candidate.grasp, (aim - slide_now) * share);
-            vec![vec![pulled(1.0)], vec![pulled(0.3)]]
+            let pulled = |share: f64| {
+                let by = (aim - slide_now) * share;
+                let tool = now.scene.tool_length;
+                let lags = joint.lags().iter();
+                lags.map(|lag| joint.carried_about_bar(&candidate.grasp, by, (*lag, tool)))
+                    .collect::<Vec<_>>()
+            };
+            vec![pulled(1.0), pulled(0.3)]
         }
     };
     Wanted { approach, then }
@@ -175,6 +184,55 @@ pub(super) fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<(Drive, GraspC
     let margin = now.profile.path.margin;
     let mut routes = now.scene.route_planner(now.poses, chair, margin);
     find_with(now, purpose, &mut routes, &|_| true)
+}
+
+/// The same through places that are narrower than the clearance of the profile, slowly. One
+/// search has several placements as its goals: a placement by itself may be in a corner.
+pub(super) fn find_narrow(now: &mut Now<'_>, purpose: Purpose) -> Option<(Drive, GraspCandidate)> {
+    let chair = now.observation.chair();
+    let (slow, margin) = (now.profile.in_narrow_places(), now.profile.path.margin);
+    let routes = now.scene.route_planner(now.poses, chair, margin);
+    let mut routes = routes.through_narrow_places(margin);
+    let mut now = Now {
+        scene: now.scene,
+        goal: now.goal,
+        profile: &slow,
+        observation: now.observation,
+        poses: now.poses,
+        reach: &mut *now.reach,
+        shown: now.shown,
+        memory: &mut *now.memory,
+    };
+    if !routes.is_start_free() {
+        return None;
+    }
+    let room = routes.map(STOP_CLEARANCE);
+    let opened = opened(&now);
+    let distance = now.profile.grasp.distance;
+    // The least clearance of the hand leaves the most candidates.
+    for margin in [MARGINS[0], MARGINS[MARGINS.len() - 1]] {
+        let candidates = candidates(&now, purpose, margin);
+        let mut placements =
+            base_placement::placements(now.scene, &chair, &candidates, None, distance);
+        placements.retain(|placement| {
+            let opened = opened.as_ref();
+            room.is_free(&placement.chair)
+                && opened.is_none_or(|opened| opened.is_free(&placement.chair, 0.0))
+        });
+        let choice = Choice {
+            purpose,
+            candidates,
+        };
+        for level in 0..LEVELS {
+            if let Some(found) = choice.drive_to_any(&placements, level, &mut now, &mut routes) {
+                return Some(found);
+            }
+            if routes.nodes() > NODES {
+                return None;
+            }
+        }
+    }
+    None
 }
 
 /// The same with a planner of routes from the chair, and only stops that `accepts`.
@@ -359,6 +417,65 @@ impl Choice {
             return Some((Drive::new(chair, &path, &now.profile.drive), *candidate));
         }
         None
+    }
+}
+
+impl Choice {
+    /// The drive to the one of the first `placements`, apart from one another, to which the
+    /// path costs least, with all of a level of content in reach.
+    fn drive_to_any(
+        &self,
+        placements: &[BasePlacement],
+        level: usize,
+        now: &mut Now<'_>,
+        routes: &mut RoutePlanner,
+    ) -> Option<(Drive, GraspCandidate)> {
+        let chair = now.observation.chair();
+        let mut stops: Vec<&BasePlacement> = Vec::new();
+        let mut goals: Vec<(usize, (DriveGoal, f64))> = Vec::new();
+        let mut looked = 0;
+        for placement in placements {
+            if looked == MORE_PLACES || stops.len() == STOP_GOALS {
+                break;
+            }
+            let is_near = |stop: &&BasePlacement| {
+                stop.chair.distance(&placement.chair) < APART[0]
+                    && stop.chair.to(&placement.chair)[2].abs() < APART[1]
+            };
+            let was_left = |pose: &Pose2| {
+                pose.distance(&placement.chair) < LEFT[0]
+                    && pose.to(&placement.chair)[2].abs() < LEFT[1]
+            };
+            if stops.iter().any(is_near)
+                || now.memory.left.iter().any(was_left)
+                || !has_way(routes, &placement.chair)
+            {
+                continue;
+            }
+            looked += 1;
+            let at = base_placement::standing(&placement.chair);
+            let base = at * now.scene.chair_from_base;
+            let candidate = &self.candidates[placement.candidate];
+            let wanted = wanted(now, candidate, self.purpose, &base);
+            if !wanted.is_reached(level, now, &at, || {}) {
+                continue;
+            }
+            // The shortest segment: there is little room.
+            let before = drive_goals(routes, &placement.chair, now);
+            goals.extend(before.last().map(|goal| (stops.len(), *goal)));
+            stops.push(placement);
+        }
+        let all: Vec<DriveGoal> = goals.iter().map(|(_, (goal, _))| *goal).collect();
+        let radii = ARCS.map(|tightness| now.profile.path.radius * tightness);
+        let found = routes.route(&all, &radii).ok()?;
+        let (stop, (_, length)) = goals[found.goal];
+        let mut segments = found.path.segments;
+        segments.push(Segment::Roll {
+            length,
+            curvature: 0.0,
+        });
+        let drive = Drive::new(chair, &segments, &now.profile.drive);
+        Some((drive, self.candidates[stops[stop].candidate]))
     }
 }
 

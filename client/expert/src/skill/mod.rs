@@ -20,6 +20,7 @@ pub mod reach;
 pub mod release;
 pub mod stow;
 mod stowed_drive;
+mod tuck;
 pub mod watch;
 
 use nalgebra::Isometry3;

@@ -7,11 +7,12 @@
 
 use wheelarm_proto::v1::Phase;
 
-use super::base_search::find;
+use super::base_search::{find, find_narrow};
+use super::motion::{Motion, Progress};
 use super::prepare::Prepare;
 use super::stow::Stow;
 use super::stowed_drive::{self, Leg};
-use super::{Act, Now, Skill, Step};
+use super::{Act, Now, Skill, Step, tuck};
 use crate::base_placement;
 use crate::drive::Drive;
 use crate::grasp_candidate::GraspCandidate;
@@ -26,6 +27,8 @@ const LEGS: usize = 6;
 #[derive(Clone, Debug)]
 enum State {
     Plan,
+    /// The hand brings what it holds to where it is at home.
+    Tuck(Motion),
     /// The arm moves into the travel posture before the drive.
     Fold {
         drive: Drive,
@@ -56,6 +59,8 @@ pub struct Navigate {
     is_between: bool,
     /// The chair is where the arm has room to be stowed.
     wants_stowed: bool,
+    /// The hand has brought what it holds to where it is at home, or cannot.
+    is_tucked: bool,
     /// Drives that were planned.
     legs: usize,
 }
@@ -70,11 +75,15 @@ impl Navigate {
             is_stowed: false,
             is_between: false,
             wants_stowed: false,
+            is_tucked: false,
             legs: 0,
         }
     }
 
     fn plan(&mut self, now: &mut Now<'_>) -> Step {
+        if self.purpose == Purpose::Put && tuck::is_far(now) {
+            return self.plan_with_held(now);
+        }
         self.legs += 1;
         if self.legs > LEGS {
             let why = format!("no place to stop after {LEGS} drives");
@@ -100,6 +109,13 @@ impl Navigate {
             Ok((drive, candidate)) => return self.set_off(now, drive, Some(candidate)),
             Err(why) => why,
         };
+        let narrow = match self.wants_stowed {
+            true => None,
+            false => find_narrow(now, self.purpose),
+        };
+        if let Some((drive, candidate)) = narrow {
+            return self.set_off(now, drive, Some(candidate));
+        }
         // An arm that holds something is not stowed.
         let leg = match self.purpose {
             Purpose::Take => stowed_drive::plan(now, self.purpose),
@@ -121,6 +137,39 @@ impl Navigate {
                 self.set_off(now, drive, None)
             }
         }
+    }
+
+    /// Plans a long way with what is held.
+    fn plan_with_held(&mut self, now: &mut Now<'_>) -> Step {
+        if !std::mem::replace(&mut self.is_tucked, true) {
+            if let Some(motion) = tuck::plan(now) {
+                self.state = State::Tuck(motion);
+                return Step::Going(Act::named(Phase::Retracting, "carrying"));
+            }
+            now.note("no free path of the hand to where it is at home".to_owned());
+        }
+        let (with_held, slow) = (tuck::with_held(now), now.profile.in_narrow_places());
+        let mut why = String::new();
+        for scene in [&with_held, now.scene] {
+            let mut now = Now {
+                scene,
+                goal: now.goal,
+                profile: &slow,
+                observation: now.observation,
+                poses: now.poses,
+                reach: &mut *now.reach,
+                shown: now.shown,
+                memory: &mut *now.memory,
+            };
+            match find(&mut now, self.purpose) {
+                Ok((drive, candidate)) => return self.set_off(&mut now, drive, Some(candidate)),
+                Err(words) => why = words,
+            }
+            if let Some((drive, candidate)) = find_narrow(&mut now, self.purpose) {
+                return self.set_off(&mut now, drive, Some(candidate));
+            }
+        }
+        Step::Impossible(why)
     }
 
     /// Begins a drive: to a stop for a candidate, or to where the arm changes its posture.
@@ -202,6 +251,19 @@ impl Skill for Navigate {
         let still = Some([0.0, 0.0]);
         match &self.state {
             State::Plan => self.plan(now),
+            State::Tuck(motion) => {
+                if let Some(why) = now.slipped() {
+                    return Step::Missed(why);
+                }
+                match motion.step(now) {
+                    Progress::Moving(tool) => Step::Going(Act {
+                        tool,
+                        base: still,
+                        ..Act::named(Phase::Retracting, "carrying")
+                    }),
+                    Progress::Late(_) | Progress::Arrived => self.plan(now),
+                }
+            }
             State::Fold { drive, since } => {
                 let travel = now.scene.travel.as_ref().map(|travel| travel.joints);
                 let joints = travel.unwrap_or(now.scene.home);

@@ -81,17 +81,25 @@ impl Skill for Pull {
             State::Choose => {
                 let start = now.house_from_desired();
                 let way = if left > 0.0 { way } else { 0.0 };
-                let pulled = |share: f64| joint.carried(&start, way * share);
+                let tool = now.scene.tool_length;
+                let pulled = |[share, lag]: [f64; 2]| {
+                    joint.carried_about_bar(&start, way * share, (lag, tool))
+                };
+                let lags = joint.lags();
+                let tries = SHARES.into_iter();
+                let tries = tries.flat_map(|share| lags.iter().map(move |lag| [share, *lag]));
                 // A handle slips out of a hand that is late.
-                let whole = (SHARES.into_iter()).find(|share| now.reaches_gently(&pulled(*share)));
-                let share = whole.or_else(|| {
-                    let mut shares = SHARES.into_iter();
-                    shares.find(|share| now.reaches(&pulled(*share)))
+                let whole = tries
+                    .clone()
+                    .find(|tried| now.reaches_gently(&pulled(*tried)));
+                let found = whole.or_else(|| {
+                    let mut tries = tries;
+                    tries.find(|tried| now.reaches(&pulled(*tried)))
                 });
-                self.state = match share {
-                    Some(share) => {
+                self.state = match found {
+                    Some(found) => {
                         let speed = 0.7 * now.profile.carry_speed;
-                        let stops: Vec<_> = (pulled(share).into_iter())
+                        let stops: Vec<_> = (pulled(found).into_iter())
                             .map(|pose| (pose, speed))
                             .collect();
                         State::Arm(Motion::new(now, &stops))

@@ -15,21 +15,12 @@ use crate::profile::OperatorProfile;
 use crate::scene::SceneModel;
 use wheelarm_planning::floor_map::{FloorMap, STOWED_CLEARANCE};
 use wheelarm_planning::footprint_check::{FootprintCheck, Pose2};
-use wheelarm_planning::hybrid_a_star::DriveGoal;
+use wheelarm_planning::posture_routes::{change_goals, change_places};
 use wheelarm_planning::postures::{Posture, PostureFloor};
 use wheelarm_planning::reached::Reached;
 
-/// Greatest speed with the arm stowed, m/s, and on arcs: the chair begins to turn late, and
-/// doors are narrow.
-const SPEEDS: [f64; 2] = [0.35, 0.2];
-/// Places to change that one drive may have as goals, and parts of the floor in which they are
-/// looked for.
-const GOALS: usize = 40;
+/// Parts of the floor in which places to change are looked for.
 const PARTS: usize = 4;
-/// Places that are this near to one another are one, metres.
-const SPACING: f64 = 0.15;
-/// Places that are looked at for one drive.
-const MOST: usize = 1_000;
 
 /// A drive that begins or ends with a change of the arm's posture.
 pub(super) enum Leg {
@@ -62,15 +53,12 @@ impl Floor {
         let mut at_home = now.scene.route_planner(now.poses, chair, margin);
         let mut travel = stowed.route_planner(now.poses, chair, STOWED_CLEARANCE);
         let maps = [travel.map(STOWED_CLEARANCE), change.clone()];
-        let mut profile = *now.profile;
-        profile.drive.speed = profile.drive.speed.min(SPEEDS[0]);
-        profile.drive.bend_speed = SPEEDS[1];
         Some(Self {
             floor: PostureFloor::new(at_home.map(margin), Some(maps)),
             change,
             check: now.scene.change_check(now.poses)?,
             stowed,
-            profile,
+            profile: now.profile.in_narrow_places(),
         })
     }
 
@@ -80,22 +68,9 @@ impl Floor {
         self.check.is_free(chair, 0.0)
     }
 
-    /// Places where the arm has room to change that `accepts`, the nearest to `at` first.
-    fn places(&self, at: [f64; 2], accepts: &dyn Fn(&Pose2) -> bool) -> Vec<Pose2> {
-        let grid = self.change.grid().coarse();
-        let open = (0..grid.poses()).filter_map(|index| {
-            let cell = grid.cell_pose(index);
-            let is_open = !self.change.coarse().contains(&grid, cell);
-            is_open.then(|| grid.middle(cell))
-        });
-        let far = |pose: &Pose2| {
-            let [dx, dy] = [pose.x - at[0], pose.y - at[1]];
-            dx * dx + dy * dy
-        };
-        let mut places: Vec<Pose2> = open.filter(|pose| accepts(pose)).collect();
-        places.sort_by(|a, b| far(a).total_cmp(&far(b)));
-        places.retain(|pose| self.change.is_free(pose));
-        places
+    /// Places where the arm has room to change that `accepts`, the nearest to `near` first.
+    fn places(&self, near: &Pose2, accepts: &dyn Fn(&Pose2) -> bool) -> Vec<Pose2> {
+        change_places(&self.change, near, accepts)
     }
 
     /// The part of the map of a posture that contains a pose.
@@ -124,6 +99,9 @@ impl Floor {
         };
         let chair = now.observation.chair();
         let mut routes = self.stowed.route_planner(now.poses, chair, margin);
+        if margin == STOWED_CLEARANCE {
+            routes = routes.through_narrow_places(margin);
+        }
         let has_room = |pose: &Pose2| self.change.is_free(pose);
         find_with(&mut stowed, purpose, &mut routes, &has_room).ok()
     }
@@ -135,18 +113,10 @@ impl Floor {
             Posture::Home => (now.scene, now.profile, now.profile.path.margin),
             Posture::Travel => (&self.stowed, &self.profile, STOWED_CLEARANCE),
         };
-        let mut goals: Vec<DriveGoal> = Vec::new();
-        for place in places.iter().take(MOST) {
-            let is_new = |goal: &DriveGoal| goal.pose.distance(place) > SPACING;
-            if goals.len() < GOALS && goals.iter().all(is_new) {
-                goals.push(DriveGoal {
-                    pose: *place,
-                    cost: 0.0,
-                });
-            }
-        }
+        let goals = change_goals(places);
         let radii = ARCS.map(|tightness| profile.path.radius * tightness);
-        let mut routes = scene.route_planner(now.poses, chair, margin);
+        let routes = scene.route_planner(now.poses, chair, margin);
+        let mut routes = routes.through_narrow_places(margin);
         let found = routes.route(&goals, &radii).ok()?;
         Some(Drive::new(chair, &found.path.segments, &profile.drive))
     }
@@ -161,7 +131,7 @@ pub(super) fn to_return(now: &Now<'_>) -> Option<Drive> {
         return Some(Drive::new(chair, &[], &floor.profile.drive));
     }
     let reached = Reached::from_start(floor.floor.map(Posture::Travel)?.clone(), &chair);
-    let places = floor.places([chair.x, chair.y], &|pose| reached.contains(pose));
+    let places = floor.places(&chair, &|pose| reached.contains(pose));
     floor.drive(now, Posture::Travel, &places)
 }
 
@@ -188,7 +158,7 @@ pub(super) fn plan(now: &mut Now<'_>, purpose: Purpose) -> Option<Leg> {
     };
     let [own, travel] = [from(Posture::Home, &chair)?, from(Posture::Travel, &to)?];
     let is_between = |pose: &Pose2| own.contains(pose) && travel.contains(pose);
-    let places = floor.places([chair.x, chair.y], &is_between);
+    let places = floor.places(&chair, &is_between);
     floor.drive(now, Posture::Home, &places).map(Leg::ToStow)
 }
 
@@ -208,7 +178,12 @@ fn beyond(now: &mut Now<'_>, floor: &Floor, purpose: Purpose) -> Option<Drive> {
                 .as_ref()
                 .is_some_and(|travel| travel.contains(pose))
     };
-    let places = floor.places([object.x, object.y], &is_beyond);
+    let near = Pose2 {
+        x: object.x,
+        y: object.y,
+        heading: chair.heading,
+    };
+    let places = floor.places(&near, &is_beyond);
     // Parts by their nearest place.
     let mut order = Vec::new();
     let mut of_part: BTreeMap<u16, Vec<Pose2>> = BTreeMap::new();

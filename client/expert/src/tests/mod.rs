@@ -1,6 +1,7 @@
 //! Tests of the operator's logic in a world without physics: the chair obeys its
 //! speed profile, the hand its targets, and what is in the closed hand follows.
 
+mod far;
 mod stowed;
 mod unreachable;
 

@@ -59,7 +59,7 @@ pub struct Options {
     /// Leaves that become joints.
     pub joints: Joints,
     /// License when the file names none.
-    pub licence: Option<String>,
+    pub license: Option<String>,
 }
 
 /// A piece that is not in the pack.
@@ -254,6 +254,7 @@ pub fn assemble(
         piece: pieces,
         object: Vec::new(),
         place: Vec::new(),
+        handle: Vec::new(),
     };
     count(&home_file, &tables, &triangles, &mut summary);
     let manifest = manifest(options, home, &origin, &license, &sources, &mut summary);

@@ -11,10 +11,10 @@ use crate::words;
 /// The license of the home, as an identifier or `unknown`.
 pub(super) fn license(home: &Home, options: &Options, summary: &mut Summary) -> String {
     let stated = home.license.as_deref();
-    if let Some(given) = &options.licence {
+    if let Some(given) = &options.license {
         if CommercialUse::of(given) == CommercialUse::Unknown {
             summary.notes.push(format!(
-                "licence {given:?} is not a known SPDX identifier; write for example --licence CC-BY-4.0, or plans with licence = \"commercial\" refuse the pack"
+                "license {given:?} is not a known SPDX identifier; write for example --license CC-BY-4.0, or plans with pack_license = \"commercial\" refuse the pack"
             ));
         }
         return given.clone();
@@ -24,7 +24,7 @@ pub(super) fn license(home: &Home, options: &Options, summary: &mut Summary) -> 
         None => {
             let what = stated.map_or("not stated".into(), |text| format!("{text:?}"));
             summary.notes.push(format!(
-                "licence of the home is {what}; give --licence or the pack is refused by plans with licence = \"commercial\""
+                "license of the home is {what}; give --license or the pack is refused by plans with pack_license = \"commercial\""
             ));
             UNKNOWN.to_owned()
         }
@@ -72,7 +72,7 @@ pub(super) fn manifest(
     if stated && !unknown.is_empty() {
         let some: Vec<&str> = unknown.iter().copied().take(5).collect();
         summary.notes.push(format!(
-            "licence of {} is not known; plans with licence = \"commercial\" refuse the pack: leave the pieces out (--without), or correct `license` of these sources in pack.toml",
+            "license of {} is not known; plans with pack_license = \"commercial\" refuse the pack: leave the pieces out (--without), or correct `license` of these sources in pack.toml",
             some.join(", ")
         ));
     }
@@ -80,6 +80,8 @@ pub(super) fn manifest(
         format: FORMAT,
         name: options.name.clone(),
         version: "1".into(),
+        held_out: false,
+        hidden: false,
         source: all,
     }
 }

@@ -5,9 +5,11 @@ use std::fmt::{self, Write};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
-use super::HomeReport;
-use super::rooms::DIN_TURNING;
-use super::text::{advice, door_words, move_words, room_words, surface_name, surface_words};
+use wheelarm_homes::home_report::HomeReport;
+use wheelarm_homes::home_report::rooms::DIN_TURNING;
+use wheelarm_homes::home_report::text::{
+    advice, door_words, move_words, room_words, surface_name, surface_words,
+};
 
 const STYLE: &str = "body{font:11pt/1.4 sans-serif;max-width:60em;margin:2em auto;padding:0 1em;color:#222}\
 h1{font-size:1.5em}h2{font-size:1.15em;margin-top:1.6em}table{border-collapse:collapse;width:100%}\
@@ -81,6 +83,15 @@ metres.</p>",
         (name, surface_words(surface), surface.strip.is_some())
     });
     table(&mut out, "Surfaces", surfaces)?;
+    for (title, slides) in [("Doors of furniture", false), ("Drawers", true)] {
+        let leaves = report.leaves.iter().filter(|leaf| leaf.slides == slides);
+        let leaves = leaves.map(|leaf| {
+            let room = leaf.room.as_deref().unwrap_or("no room");
+            let name = format!("{room}: {}", leaf.piece);
+            (name, leaf.words(), leaf.stop.is_some())
+        });
+        table(&mut out, title, leaves)?;
+    }
     let moves = report.to_move.iter();
     let moves = moves.map(|piece| (piece.piece.clone(), move_words(piece), true));
     table(&mut out, "What to move", moves)?;

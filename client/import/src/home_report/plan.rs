@@ -7,10 +7,10 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{FontStyle, register_font};
+use wheelarm_homes::home_report::Finding;
+use wheelarm_homes::home_report::home::{Home, Owner, Solid};
 use wheelarm_planning::footprint_check::Rectangle;
 
-use super::Finding;
-use super::home::{Home, Owner, Solid};
 use crate::polygon;
 
 /// Largest side of the image, pixels.

@@ -12,7 +12,7 @@ pub enum ObjectError {
         reason: String,
     },
     /// A file of another format.
-    #[error("{file} is {format}; export it as GLB, OBJ, STL or DAE")]
+    #[error("{file} is {format}; export it as GLB, OBJ, STL, DAE, URDF or MJCF")]
     Format {
         /// The file.
         file: String,

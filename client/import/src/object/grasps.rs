@@ -38,15 +38,24 @@ const LEVEL_HEIGHT: f64 = 0.036;
 const FLAT_HEIGHT: f64 = 0.055;
 /// Least distance of the tips from the ground, metres.
 const TIP_ROOM: f64 = 0.003;
+/// Distance of a grasp about the axis of a round object, metres, and least cosine between the
+/// closing direction of one at its rim and the radius.
+const MIDDLE: f64 = 0.006;
+const RADIAL: f64 = 0.98;
 /// Most grasps, and most of each kind.
 const MOST: usize = 16;
 const MOST_OF_KIND: usize = 10;
+
+/// Name of a grasp at the wall of a cup.
+pub const RIM: &str = "rim";
 
 /// How a hand approaches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Way {
     Level,
     Above,
+    /// From above at the wall of a round object, with one finger inside.
+    Rim,
     /// Level, with one finger above the other.
     Flat,
 }
@@ -56,6 +65,7 @@ impl Way {
         match self {
             Self::Level => "side",
             Self::Above => "top",
+            Self::Rim => RIM,
             Self::Flat => "flat",
         }
     }
@@ -261,7 +271,7 @@ fn fitted(
     (point, approach, closing, way): (Vec3, Vec3, Vec3, Way),
 ) -> Option<Candidate> {
     let is_high = match way {
-        Way::Above => point.z - hand.tip >= TIP_ROOM,
+        Way::Above | Way::Rim => point.z - hand.tip >= TIP_ROOM,
         Way::Level => point.z >= LEVEL_HEIGHT,
         Way::Flat => point.z >= FLAT_HEIGHT,
     };
@@ -273,7 +283,10 @@ fn fitted(
         let off = sample.at - point;
         Vec3::new(off.dot(&closing), off.dot(&height), off.dot(&approach))
     };
-    let is_between = |at: &Vec3| at.y.abs() < PAD && at.z > 0.0 && at.z < hand.tip;
+    // What is outside of the open fingers, for example the other side of a plate, is free.
+    let is_between = |at: &Vec3| {
+        at.y.abs() < PAD && at.z > 0.0 && at.z < hand.tip && at.x.abs() < hand.stroke / 2.0
+    };
     let (mut low, mut high, mut count) = (f64::INFINITY, f64::NEG_INFINITY, 0);
     for at in points.iter().map(local).filter(is_between) {
         (low, high, count) = (low.min(at.x), high.max(at.x), count + 1);
@@ -346,13 +359,13 @@ fn different(free: &[Candidate]) -> Vec<Candidate> {
     kept
 }
 
-/// The best grasps of a round object: level ones by height, one from above.
+/// The best grasps of a round object: level ones by height, one from above, one at the rim.
 fn different_of_round(free: &[Candidate]) -> Vec<Candidate> {
     let mut kept: Vec<Candidate> = Vec::new();
     for grasp in free {
         let of_way = |way: Way| kept.iter().filter(move |other| other.way == way);
         let turned = match grasp.way {
-            Way::Flat => continue,
+            Way::Flat | Way::Rim => continue,
             Way::Level => {
                 let is_like = |other: &Candidate| (other.point.z - grasp.point.z).abs() < 0.03;
                 if of_way(Way::Level).count() == 2 || of_way(Way::Level).any(is_like) {
@@ -373,12 +386,21 @@ fn different_of_round(free: &[Candidate]) -> Vec<Candidate> {
             }
             Way::Above => {
                 let off = exact::hypot(grasp.point.x, grasp.point.y);
-                if of_way(Way::Above).next().is_some() || off > 0.006 {
+                let radial = grasp.point.dot(&grasp.closing).abs();
+                let (way, at) = if off <= MIDDLE {
+                    (Way::Above, 0.0)
+                } else if radial > RADIAL * off && grasp.width < 0.5 * off {
+                    (Way::Rim, off)
+                } else {
+                    continue;
+                };
+                if of_way(way).next().is_some() {
                     continue;
                 }
                 Candidate {
-                    point: Vec3::new(0.0, 0.0, grasp.point.z),
+                    point: Vec3::new(at, 0.0, grasp.point.z),
                     closing: Vec3::x(),
+                    way,
                     ..*grasp
                 }
             }
@@ -391,6 +413,24 @@ fn different_of_round(free: &[Candidate]) -> Vec<Candidate> {
 /// Angle between a level hand and the direction inwards that the robot reaches, degrees.
 const ASIDE: f64 = 40.0;
 
+/// Whether some of these directions on the floor plan, degrees, is near a wanted one.
+fn is_near(angles: &[f64], wanted: f64) -> bool {
+    angles.iter().any(|angle| {
+        let off = (angle - wanted).rem_euclid(360.0);
+        off.min(360.0 - off) <= ASIDE
+    })
+}
+
+/// The largest yaw to both sides of `front` up to which a direction is near, degrees.
+fn yaw_at(angles: &[f64], front: f64) -> f64 {
+    let steps = (0..=36).map(|k| 5.0 * f64::from(k));
+    let all = steps.take_while(|yaw| {
+        let sides = [front + yaw, front - yaw];
+        sides.iter().all(|wanted| is_near(angles, *wanted))
+    });
+    all.last().unwrap_or(0.0)
+}
+
 /// The rotation about z for which most yaws of the object have a grasp near the direction
 /// inwards, and the largest such yaw, degrees.
 fn facing(grasps: &[Candidate]) -> (f64, f64) {
@@ -401,22 +441,25 @@ fn facing(grasps: &[Candidate]) -> (f64, f64) {
         .iter()
         .map(|grasp| exact::atan2(grasp.approach.y, grasp.approach.x).to_degrees())
         .collect();
-    let is_near = |wanted: f64| {
-        angles.iter().any(|angle| {
-            let off = (angle - wanted).rem_euclid(360.0);
-            off.min(360.0 - off) <= ASIDE
-        })
-    };
-    let yaw_at = |front: f64| {
-        let steps = (0..=36).map(|k| 5.0 * f64::from(k));
-        let all = steps.take_while(|yaw| is_near(front + yaw) && is_near(front - yaw));
-        all.last().unwrap_or(0.0)
-    };
     let fronts = (0..72).map(|k| 5.0 * f64::from(k));
-    let best = fronts.map(|front| (yaw_at(front), front));
+    let best = fronts.map(|front| (yaw_at(&angles, front), front));
     let best = best.fold(
         (0.0, angles[0]),
         |best, next| if next.0 > best.0 { next } else { best },
     );
     (-best.1.to_radians(), best.0)
+}
+
+/// Largest rotation from the direction inwards at which one of the grasps of an object is left,
+/// degrees; 180 for a hand from above and for round objects.
+#[must_use]
+pub fn yaw_deg(grasps: &[GraspEntry]) -> f64 {
+    let turns = |grasp: &GraspEntry| grasp.symmetric || grasp.approach[2] < -0.9;
+    if grasps.iter().any(turns) {
+        return 180.0;
+    }
+    let angles = grasps
+        .iter()
+        .map(|grasp| exact::atan2(grasp.approach[1], grasp.approach[0]).to_degrees());
+    yaw_at(&angles.collect::<Vec<_>>(), 0.0)
 }

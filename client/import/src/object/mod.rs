@@ -20,6 +20,7 @@ mod pack;
 mod read;
 mod read_dae;
 mod read_gltf;
+mod read_msh;
 mod read_obj;
 mod read_robot;
 mod read_stl;
@@ -27,6 +28,8 @@ mod revolve;
 mod size;
 mod source;
 
+#[cfg(test)]
+mod read_tests;
 #[cfg(test)]
 mod tests;
 
@@ -38,14 +41,15 @@ use wheelarm_proto::exact;
 
 pub use category::{Categories, Category};
 pub use error::{ObjectError, length};
+pub use grasps::yaw_deg;
 pub use hand::Hand;
-pub use pack::{PackedObject, object_of, with_object, with_table};
+pub use pack::{PackedObject, alone, object_of, with_object, with_table};
 pub use read::parse;
 pub use size::SizeOptions;
 pub use source::{Source, Up};
 
 use convex::Hulls;
-use grasps::Grasps;
+use grasps::{Grasps, RIM};
 use hull::{Hull, decimal, rounded};
 use mesh::{Mesh, Vec3, sample};
 
@@ -64,6 +68,8 @@ pub struct ObjectOptions {
     pub name: String,
     /// Category of `assets/categories.toml`.
     pub category: String,
+    /// Noun in sentences; the first word of the category when absent.
+    pub noun: Option<String>,
     /// Units and axis.
     pub size: SizeOptions,
     /// kg; by category when absent.
@@ -74,6 +80,8 @@ pub struct ObjectOptions {
     pub author: Option<String>,
     /// OBJ file whose groups are the convex parts.
     pub parts: Option<PathBuf>,
+    /// For tests only: no training takes it.
+    pub held_out: bool,
 }
 
 /// What an import found, for people.
@@ -160,6 +168,12 @@ fn check(options: &ObjectOptions) -> Result<(), ObjectError> {
         let expected = "1 to 64 letters, digits, `-` or `_`, for example blue_mug";
         return invalid("--name", format!("{:?}", options.name), expected);
     }
+    if let Some(noun) = &options.noun
+        && !is_noun(noun)
+    {
+        let expected = "1 to 40 letters and spaces, for example \"medicine bottle\"";
+        return invalid("--noun", format!("{noun:?}"), expected);
+    }
     if let Some(mass) = options.mass
         && !(0.001..=100.0).contains(&mass)
     {
@@ -170,6 +184,12 @@ fn check(options: &ObjectOptions) -> Result<(), ObjectError> {
         );
     }
     Ok(())
+}
+
+/// Whether a text can be a noun in sentences.
+fn is_noun(text: &str) -> bool {
+    let is_letter = |c: char| c.is_alphabetic() || c == ' ' || c == '-';
+    text.trim() == text && (1..=40).contains(&text.chars().count()) && text.chars().all(is_letter)
 }
 
 /// The groups of an OBJ file as points, in its units.
@@ -216,7 +236,7 @@ fn convert(
         });
     };
     let about = mass::properties(&mesh, std::slice::from_ref(&whole), category, None);
-    let grasps = grasps::sampled(&mesh, &about.com, hand, is_round);
+    let mut grasps = grasps::sampled(&mesh, &about.com, hand, is_round);
     let (sin, cos) = exact::sin_cos(grasps.turn);
     let turned = |v: Vec3| Vec3::new(v.x * cos - v.y * sin, v.x * sin + v.y * cos, v.z);
     mesh.map(false, turned);
@@ -233,6 +253,10 @@ fn convert(
                     .into(),
             }
         })?;
+    // The inside of other shapes is solid.
+    grasps
+        .kept
+        .retain(|grasp| grasp.name != RIM || form == revolve::CUP);
     let mut mass = mass::properties(&mesh, &hulls, category, options.mass);
     if is_round {
         (mass.com.x, mass.com.y) = (0.0, 0.0);
@@ -241,7 +265,7 @@ fn convert(
     let license = options.license.clone().unwrap_or_else(|| UNKNOWN.into());
     if options.license.is_none() {
         notes.push(format!(
-            "the license of {} is not stated; give --license, or plans with licence = \
+            "the license of {} is not stated; give --license, or plans with pack_license = \
              \"commercial\" refuse the pack",
             options.name
         ));
@@ -269,7 +293,7 @@ fn convert(
         lobes: Vec::new(),
         grasps: grasps.kept.clone(),
         tip: None,
-        stock: Some(stock(colour, &sized.size, &grasps, category)),
+        stock: Some(stock(colour, &sized.size, &grasps, (options, category))),
     };
     let mut kept = BTreeMap::new();
     for GraspEntry { name, .. } in &grasps.kept {
@@ -327,8 +351,14 @@ fn collision(
 }
 
 /// Placement by tasks.
-fn stock(colour: &str, size: &[f64; 3], grasps: &Grasps, category: &Category) -> StockEntry {
-    let noun = category.words.first().unwrap_or(&category.name);
+fn stock(
+    colour: &str,
+    size: &[f64; 3],
+    grasps: &Grasps,
+    (options, category): (&ObjectOptions, &Category),
+) -> StockEntry {
+    let usual = category.words.first().unwrap_or(&category.name);
+    let noun = options.noun.as_ref().unwrap_or(usual);
     StockEntry {
         words: format!("{colour} {noun}"),
         headroom: decimal(((size[2] + ABOVE) * 100.0).ceil() / 100.0),
@@ -336,6 +366,7 @@ fn stock(colour: &str, size: &[f64; 3], grasps: &Grasps, category: &Category) ->
         yaw_deg: grasps.yaw_deg,
         rooms: category.rooms.clone(),
         scenery: grasps.kept.is_empty(),
+        held_out: options.held_out,
         trials: None,
     }
 }

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use wheelarm_pack::{
-    FORMAT, Manifest, MaterialEntry, MaterialFile, MeshEntry, ObjectFile, Pack, PackError,
-    PartEntry, SourceEntry, TextureEntry,
+    FORMAT, GraspEntry, Manifest, MaterialEntry, MaterialFile, MeshEntry, ObjectFile, Pack,
+    PackError, PartEntry, SourceEntry, TextureEntry,
 };
 
 use super::mesh::{Face, Mesh, Surface};
@@ -131,7 +131,8 @@ fn material(
     }
 }
 
-/// A pack with an object; it replaces an object of the same name.
+/// A pack with an object; it replaces an object of the same name. An object that is otherwise
+/// equal keeps its trials and what they decided.
 ///
 /// # Errors
 /// When the files are not a valid pack.
@@ -147,6 +148,8 @@ pub fn with_object(
             format: FORMAT,
             name: pack_name.to_owned(),
             version: "1".to_owned(),
+            held_out: false,
+            hidden: false,
             source: Vec::new(),
         },
     };
@@ -156,13 +159,42 @@ pub fn with_object(
     let mut files = pack.map(|pack| pack.files().clone()).unwrap_or_default();
     files.retain(|path, _| !is_of_object(path, name));
     files.extend(object.files.clone());
+    let former = pack.and_then(|pack| object_of(pack, name));
+    let table = former.filter(|former| is_tried(former, &object.file));
     let path = format!("objects/{name}.toml");
     files.insert(
         path,
-        toml::to_string(&object.file)
+        toml::to_string(table.as_ref().unwrap_or(&object.file))
             .unwrap_or_default()
             .into_bytes(),
     );
+    Pack::from_tables(&manifest, None, &BTreeMap::new(), files)
+}
+
+/// Whether `former` is `new` with the results of trials: they drop grasps, and decide on scenery.
+fn is_tried(former: &ObjectFile, new: &ObjectFile) -> bool {
+    let plain = |object: &ObjectFile| {
+        let mut object = object.clone();
+        object.grasps.clear();
+        if let Some(stock) = &mut object.stock {
+            (stock.trials, stock.scenery, stock.yaw_deg) = (None, false, 0.0);
+        }
+        object
+    };
+    let is_sampled = |grasp: &GraspEntry| new.grasps.contains(grasp);
+    let trials = former.stock.as_ref().and_then(|stock| stock.trials);
+    trials.is_some() && plain(former) == plain(new) && former.grasps.iter().all(is_sampled)
+}
+
+/// A pack with this object of another pack and nothing else.
+///
+/// # Errors
+/// When the files are not a valid pack.
+pub fn alone(pack: &Pack, name: &str) -> Result<Pack, PackError> {
+    let mut manifest = pack.manifest().clone();
+    manifest.source.retain(|source| source.of == name);
+    let mut files = pack.files().clone();
+    files.retain(|path, _| is_of_object(path, name));
     Pack::from_tables(&manifest, None, &BTreeMap::new(), files)
 }
 

@@ -1,4 +1,4 @@
-//! Reads mesh files: glTF and GLB, OBJ with MTL, STL, COLLADA, URDF and MJCF. Files are foreign:
+//! Reads mesh files: glTF and GLB, OBJ with MTL, STL, MSH, COLLADA, URDF and MJCF. Files are foreign:
 //! their size, triangles and nodes are bounded, and every number is checked.
 
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 use super::error::ObjectError;
 use super::mesh::{Mesh, Surface};
 use super::source::{Beside, Source, bytes, too_many};
-use super::{read_dae, read_gltf, read_obj, read_robot, read_stl};
+use super::{read_dae, read_gltf, read_msh, read_obj, read_robot, read_stl};
 use crate::model::MOST_TRIANGLES;
 
 /// Largest absolute coordinate.
@@ -46,10 +46,16 @@ pub fn parse(name: &str, bytes: &[u8], beside: Beside<'_>) -> Result<Source, Obj
         "glb" | "gltf" => read_gltf::parse(bytes, beside),
         "obj" => read_obj::parse(name, bytes, beside),
         "stl" => read_stl::parse(bytes),
+        "msh" => read_msh::parse(bytes),
         "dae" => read_dae::parse(bytes, beside),
         "urdf" | "xml" => read_robot::parse(bytes, &|name: &str| {
             let inner = beside(name)?;
-            let found = parse(name, &inner, beside);
+            let folder = name.rsplit_once('/').map_or("", |(folder, _)| folder);
+            let there = |file: &str| match folder {
+                "" => beside(file),
+                folder => beside(&format!("{folder}/{file}")),
+            };
+            let found = parse(name, &inner, &there);
             found.map_err(|error| error.to_string())
         }),
         other => {

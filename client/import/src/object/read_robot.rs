@@ -13,6 +13,9 @@ use crate::xml::{self, Element};
 
 /// Most shapes of a file.
 const MOST_SHAPES: usize = 512;
+/// Most geoms of a file, and most attributes of a class.
+const MOST_GEOMS: usize = 4_096;
+const MOST_ATTRIBUTES: usize = 64;
 /// Sides of a round shape, and rings of a ball.
 const SIDES: usize = 32;
 const RINGS: usize = 12;
@@ -37,6 +40,9 @@ pub(super) fn parse(bytes: &[u8], meshes: Meshes<'_>) -> Result<Source, String> 
                 "its root is {other:?}, expected robot (URDF) or mujoco (MJCF)"
             ));
         }
+    }
+    if let (true, Some(why)) = (reader.mesh.faces.is_empty(), reader.notes.first()) {
+        return Err(why.clone());
     }
     Ok(Source {
         mesh: reader.mesh,
@@ -127,14 +133,15 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// A mesh file beside this one, scaled.
+    /// A mesh file beside this one or in a folder there, scaled.
     fn file(&mut self, name: &str, scale: [f64; 3]) -> Option<Mesh> {
-        let name = name.rsplit(['/', '\\']).next().unwrap_or(name);
-        let ending = name.to_ascii_lowercase();
+        let path = plain(name);
+        let last = path.rsplit('/').next().unwrap_or_default();
+        let ending = last.to_ascii_lowercase();
         let is_nested = ending.ends_with(".urdf") || ending.ends_with(".xml");
         let read = match is_nested {
             true => Err("it is not a mesh".to_owned()),
-            false => (self.meshes)(name),
+            false => (self.meshes)(&path).or_else(|why| (self.meshes)(last).map_err(|_| why)),
         };
         match read {
             Ok(mut source) => {
@@ -239,11 +246,12 @@ impl Reader<'_> {
         for asset in root.all("asset") {
             for mesh in asset.all("mesh") {
                 let file = mesh.attribute("file").unwrap_or_default();
+                let folder = compiler.and_then(|c| c.attribute("meshdir")).unwrap_or(".");
                 let stem = file.rsplit(['/', '\\']).next().unwrap_or(file);
                 let stem = stem.rsplit_once('.').map_or(stem, |(stem, _)| stem);
                 let name = mesh.attribute("name").unwrap_or(stem);
                 let scale = numbers(mesh, "scale", [1.0; 3]);
-                files.insert(name.to_owned(), (file.to_owned(), scale));
+                files.insert(name.to_owned(), (format!("{folder}/{file}"), scale));
             }
             for material in asset.all("material") {
                 let name = material.attribute("name").unwrap_or_default();
@@ -252,30 +260,14 @@ impl Reader<'_> {
                 }
             }
         }
-        let mut pending: Vec<(&Element, Isometry3<f64>)> = root
-            .all("worldbody")
-            .map(|body| (body, Isometry3::identity()))
-            .collect();
-        while let Some((body, world)) = pending.pop() {
-            for child in &body.children {
-                let at = numbers(child, "pos", [0.0; 3]);
-                let own = world * pose(at, turn(child, per_unit));
-                match child.name.as_str() {
-                    "body" => pending.push((child, own)),
-                    "geom" if !is_hidden(child) => {
-                        let surface = color(child.attribute("rgba"));
-                        let material = child.attribute("material").and_then(|m| colors.get(m));
-                        let surface = surface.or_else(|| material.cloned());
-                        if let Some((mesh, offset)) = self.geom(child, &files) {
-                            self.add(
-                                &mesh,
-                                &(world * offset.unwrap_or(pose(at, turn(child, per_unit)))),
-                                surface,
-                            )?;
-                        }
-                    }
-                    _ => {}
-                }
+        for (geom, world) in shown_geoms(root, per_unit)? {
+            let surface = color(geom.attribute("rgba"));
+            let material = geom.attribute("material").and_then(|m| colors.get(m));
+            let surface = surface.or_else(|| material.cloned());
+            if let Some((mesh, ends)) = self.geom(&geom, &files) {
+                let at = numbers(&geom, "pos", [0.0; 3]);
+                let own = ends.unwrap_or_else(|| pose(at, turn(&geom, per_unit)));
+                self.add(&mesh, &(world * own), surface)?;
             }
         }
         Ok(())
@@ -325,6 +317,13 @@ impl Reader<'_> {
                 capsule(sizes[0], half(&sizes))
             }
             "sphere" => capsule(size(1)?[0], 0.0),
+            "ellipsoid" => {
+                let sizes = size(3)?;
+                let mut ball = capsule(1.0, 0.0);
+                let radii = Vec3::new(sizes[0], sizes[1], sizes[2]);
+                ball.map(false, |p| p.component_mul(&radii));
+                ball
+            }
             other => {
                 self.notes
                     .push(format!("geoms of type {other:?} are left out"));
@@ -332,6 +331,93 @@ impl Reader<'_> {
             }
         };
         Some((mesh, along))
+    }
+}
+
+/// A path below the folder of the file: without `package://`, a drive, `.` and `..`.
+fn plain(name: &str) -> String {
+    let name = name.rsplit_once("://").map_or(name, |(_, path)| path);
+    let parts = name.split(['/', '\\']);
+    let parts = parts.filter(|part| !matches!(*part, "" | "." | ".."));
+    parts.collect::<Vec<_>>().join("/")
+}
+
+/// The rendered geoms of MJCF with their inherited attributes, and their bodies in the world.
+fn shown_geoms(root: &Element, per_unit: f64) -> Result<Vec<(Element, Isometry3<f64>)>, String> {
+    let mut classes = BTreeMap::new();
+    gather_classes(root, &[], &mut classes);
+    let mut geoms = Vec::new();
+    let worlds = root.all("worldbody");
+    let mut pending: Vec<(&Element, Isometry3<f64>, &str)> = worlds
+        .map(|body| (body, Isometry3::identity(), "main"))
+        .collect();
+    while let Some((body, world, class)) = pending.pop() {
+        let class = body.attribute("childclass").unwrap_or(class);
+        for child in &body.children {
+            match child.name.as_str() {
+                "body" => {
+                    let at = numbers(child, "pos", [0.0; 3]);
+                    pending.push((child, world * pose(at, turn(child, per_unit)), class));
+                }
+                "geom" if geoms.len() == MOST_GEOMS => {
+                    return Err(format!("more than {MOST_GEOMS} geoms; join some of them"));
+                }
+                "geom" => geoms.push((inherited(child, class, &classes), world)),
+                _ => {}
+            }
+        }
+    }
+    // Many files have each shape twice, to render and to collide.
+    let is_ghost = |geom: &Element| {
+        let is_zero = |name: &str| geom.attribute(name) == Some("0");
+        is_zero("contype") && is_zero("conaffinity")
+    };
+    let has_ghosts = geoms.iter().any(|(geom, _)| is_ghost(geom));
+    geoms.retain(|(geom, _)| match has_ghosts {
+        true => is_ghost(geom),
+        false => !is_hidden(geom),
+    });
+    Ok(geoms)
+}
+
+/// Attributes of geoms by class, of `default` elements.
+type Classes = BTreeMap<String, Vec<(String, String)>>;
+
+fn gather_classes(element: &Element, inherited: &[(String, String)], classes: &mut Classes) {
+    for entry in element.all("default") {
+        let mut own = entry.child("geom").map_or(Vec::new(), |geom| {
+            geom.attributes
+                .iter()
+                .take(MOST_ATTRIBUTES)
+                .cloned()
+                .collect()
+        });
+        let former = inherited.iter();
+        let missing: Vec<_> = former
+            .filter(|(key, _)| !own.iter().any(|(other, _)| other == key))
+            .take(MOST_ATTRIBUTES)
+            .cloned()
+            .collect();
+        own.extend(missing);
+        let class = entry.attribute("class").unwrap_or("main");
+        gather_classes(entry, &own, classes);
+        classes.insert(class.to_owned(), own);
+    }
+}
+
+/// A geom with the attributes of its class.
+fn inherited(geom: &Element, class: &str, classes: &Classes) -> Element {
+    let class = geom.attribute("class").unwrap_or(class);
+    let mut attributes = geom.attributes.clone();
+    for (key, value) in classes.get(class).into_iter().flatten() {
+        if geom.attribute(key).is_none() {
+            attributes.push((key.clone(), value.clone()));
+        }
+    }
+    Element {
+        name: geom.name.clone(),
+        attributes,
+        ..Element::default()
     }
 }
 

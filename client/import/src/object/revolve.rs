@@ -58,6 +58,9 @@ fn radius(point: Vec3) -> f64 {
     exact::hypot(point.x, point.y)
 }
 
+/// Form of an open cup.
+pub const CUP: &str = "cup";
+
 /// Collision shapes of a round object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Revolved {
@@ -198,7 +201,7 @@ fn cup(samples: &[Sample], profile: &[ProfilePoint]) -> Option<Revolved> {
         return None;
     }
     Some(Revolved {
-        form: "cup",
+        form: CUP,
         parts: vec![PartEntry {
             cup: Some(CupEntry {
                 bottom_radius,

@@ -9,7 +9,7 @@ fn assets() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets")
 }
 
-fn categories() -> Categories {
+pub(super) fn categories() -> Categories {
     Categories::read(&assets()).unwrap()
 }
 
@@ -17,7 +17,7 @@ pub(super) fn category(name: &str) -> Category {
     categories().named(name).unwrap().clone()
 }
 
-fn hand() -> Hand {
+pub(super) fn hand() -> Hand {
     Hand::read(&assets(), "wheelarm").unwrap()
 }
 
@@ -66,7 +66,7 @@ pub(super) fn block([x, y, z]: [f64; 3]) -> Mesh {
 
 /// A surface that is round about z, from a closed profile of `[radius, z]`, in a
 /// counter-clockwise direction with the radius to the right.
-fn lathe(profile: &[[f64; 2]]) -> Mesh {
+pub(super) fn lathe(profile: &[[f64; 2]]) -> Mesh {
     let mut mesh = new_mesh();
     let sides = 48;
     let at = |k: usize, [r, z]: [f64; 2]| {

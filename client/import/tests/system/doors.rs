@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use wheelarm_import::home_report::home::OpeningKind;
-use wheelarm_import::home_report::{Finding, Home, Posture, RobotFacts};
+use wheelarm_import::home_report::{Finding, Home, Posture, RobotFacts, page, plan};
 use wheelarm_import::{Options, import};
 use wheelarm_planning::footprint_check::Rectangle;
 
@@ -46,7 +46,9 @@ fn door_between_rooms_is_free_and_the_closed_front_door_is_an_obstacle() {
 
 #[test]
 fn report_calls_doors_of_furniture_opened_or_says_why_not() {
-    let report = Finding::new(&home(&Flat::new()), &robot()).report;
+    let home = home(&Flat::new());
+    let finding = Finding::new(&home, &robot());
+    let report = &finding.report;
     assert_eq!(report.summary.leaves, report.leaves.len());
     assert!(!report.leaves.is_empty());
     for leaf in &report.leaves {
@@ -56,6 +58,9 @@ fn report_calls_doors_of_furniture_opened_or_says_why_not() {
     }
     let opened = report.leaves.iter().filter(|leaf| leaf.stop.is_some());
     assert_eq!(report.summary.leaves_opened, opened.count());
-    let text = wheelarm_import::home_report::text(&report).unwrap();
+    let text = wheelarm_import::home_report::text(report).unwrap();
     assert!(text.contains("furniture doors, opened by 45°"), "{text}");
+    let png = plan(&home, &finding).unwrap();
+    let html = page(report, &png).unwrap();
+    assert!(png.starts_with(b"\x89PNG") && html.contains("data:image/png;base64,"));
 }

@@ -277,10 +277,10 @@ fn options_select_and_leave_out() {
             .summary
             .notes
             .iter()
-            .any(|note| note.contains("--licence"))
+            .any(|note| note.contains("--license"))
     );
     let given = Options {
-        licence: Some("CC-BY-4.0".into()),
+        license: Some("CC-BY-4.0".into()),
         ..options()
     };
     let pack = import("flat.sh3d", unstated.bytes(), &given).unwrap().pack;
@@ -402,7 +402,7 @@ fn closed_area_without_a_drawn_room_becomes_a_room() {
 }
 
 #[test]
-fn licence_that_is_not_stated_names_the_model() {
+fn license_that_is_not_stated_names_the_model() {
     let flat = Flat::new().with(
         "<pieceOfFurniture catalogId='test#chair'",
         "<pieceOfFurniture catalogId='test#chair' license='all rights reserved'",
@@ -410,7 +410,7 @@ fn licence_that_is_not_stated_names_the_model() {
     let notes = imported(&flat).summary.notes;
     let note = notes.iter().find(|note| note.contains("chair"));
     let note = note.unwrap_or_else(|| panic!("{notes:?}"));
-    assert!(note.starts_with("licence of chair is not known; plans with"));
+    assert!(note.starts_with("license of chair is not known; plans with"));
     assert!(note.contains("--without"), "{note}");
 }
 

@@ -4,4 +4,5 @@ mod doors;
 mod flat;
 mod home;
 mod malformed;
+mod objects;
 mod places;

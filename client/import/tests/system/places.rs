@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use wheelarm_import::home_places::{self, HomePlaces, PlaceRobot};
-use wheelarm_import::home_report::{Posture, RobotFacts};
+use wheelarm_homes::home_places::{self, HomePlaces, PlaceRobot};
+use wheelarm_homes::home_report::{Finding, Home, Posture, RobotFacts};
 use wheelarm_import::{Options, import};
 use wheelarm_pack::{HomeFile, KindFile, Pack, contains};
 
@@ -75,6 +75,29 @@ fn each_reached_surface_has_a_place_or_a_reason() {
     assert!(apart <= found.reached_within);
     let cabinet = places.iter().find(|place| place.on == "kitchen_cabinet");
     assert!(cabinet.unwrap().room.is_some());
+}
+
+#[test]
+fn each_door_that_the_report_opens_has_a_handle_with_a_start_in_a_room() {
+    let pack = imported(&Flat::new());
+    let home = Home::from_pack(&pack).unwrap();
+    let report = Finding::new(&home, &robot()).report;
+    let found = added(&pack);
+    assert_eq!(found.leaves, report.leaves.len());
+    let home = found.pack.home().unwrap();
+    for handle in &home.handle {
+        let leaf = report.leaves.iter().find(|leaf| leaf.piece == handle.on);
+        let leaf = leaf.expect("a leaf of the report");
+        assert_eq!(leaf.stop.is_none(), handle.apart, "{handle:?}");
+        assert!(leaf.allowed, "{leaf:?}");
+        let at = [handle.start.x[0], handle.start.y[0]];
+        assert!(home.room.iter().any(|room| contains(&room.outline, at)));
+    }
+    let opened = report.leaves.iter().filter(|leaf| leaf.stop.is_some());
+    for leaf in opened {
+        let mut handles = home.handle.iter();
+        assert!(handles.any(|handle| handle.on == leaf.piece), "{leaf:?}");
+    }
 }
 
 #[test]

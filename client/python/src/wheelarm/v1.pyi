@@ -2485,9 +2485,10 @@ class Scenario(_Message):
     start-up false (no unit). Optional.
     """
     packs: _Messages[PackRef]
-    """World packs of the scene. The answer names the pack in use, absent for a scene of the
-    assets. In a request: packs with these digests, or an error; absent uses the first pack that
-    the server finds under the name of the scene.
+    """World packs with their digests: that of the scene, absent for a scene of the assets, and
+    those whose objects tasks may place. In a request: packs with these digests, or an error; an
+    empty digest accepts any. Absent uses the first pack that the server finds under the name of
+    the scene, and keeps the packs of objects in force.
     """
     draws: int
     """Rules by which a seed samples starts and objects; the reply has those that were used. 1:
@@ -2497,6 +2498,22 @@ class Scenario(_Message):
     grasp from that floor (a robot without a reach map: as 1). Absent: 2 in a scene with rooms
     of a pack, 1 in others; in a reset the ones in force, unless the scene is sampled again (no
     unit). Optional.
+    """
+    layout_seed: int
+    """Seed of the layout of an own home, which the server makes. `scene` is then a plan of
+    assets/homes/plans. The reply has the name of the home in `scene`, PLAN-STYLE-SEED, its
+    digests in `packs`, and this field. A layout that is not ready is an error. A scene with
+    such a name, which is neither in the assets nor a pack, is made without this field too.
+    Absent: another scene; without `scene`, the home in force (no unit). Optional.
+    """
+    home_style: str
+    """Style of the own home, a file in assets/homes/styles. Empty keeps the one in force, at first
+    `nordic`; only with a layout seed (no unit).
+    """
+    object_split: str
+    """Objects that tasks of every home place: `any`; `train`, without those that are held out for
+    tests; or `held_out`, with targets that are held out. Empty keeps the one in force, at first
+    `any` (no unit).
     """
     def __init__(
         self,
@@ -2535,6 +2552,9 @@ class Scenario(_Message):
         look_around: bool | None = ...,
         packs: _Iterable[PackRef | _Mapping[str, _Any]] | None = ...,
         draws: int | None = ...,
+        layout_seed: int | None = ...,
+        home_style: str | None = ...,
+        object_split: str | None = ...,
     ) -> None: ...
 
 class TaskGoal(_Message):

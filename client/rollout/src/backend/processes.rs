@@ -41,6 +41,19 @@ pub struct Processes {
 struct Kept {
     scenario: v1::Scenario,
     record: Option<Record>,
+    /// An episode had another scene: each reset names its own from then on.
+    has_left_scene: AtomicBool,
+}
+
+impl Kept {
+    /// The scene that a reset to `scene` names: none while all episodes have that of the start.
+    fn reset_scene(&self, scene: &str) -> String {
+        let is_other = !scene.is_empty() && scene != self.scenario.scene;
+        match self.has_left_scene.fetch_or(is_other, Ordering::Relaxed) || is_other {
+            true => scene.to_owned(),
+            false => String::new(),
+        }
+    }
 }
 
 impl Processes {
@@ -66,12 +79,16 @@ impl Processes {
     }
 
     /// One server and one recorder for all episodes. The server starts with `scenario` and
-    /// is reset to the scenario of each episode, whose scene, robot, cameras, pacing and
-    /// quality stay those of `scenario`.
+    /// is reset to the scenario of each episode, whose robot, cameras, pacing and quality stay
+    /// those of `scenario`.
     #[must_use]
     pub fn keeping(self, scenario: v1::Scenario, record: Option<Record>) -> Self {
         Self {
-            kept: Some(Kept { scenario, record }),
+            kept: Some(Kept {
+                scenario,
+                record,
+                has_left_scene: AtomicBool::new(false),
+            }),
             ..self
         }
     }
@@ -176,8 +193,8 @@ impl Processes {
         programs: &Programs,
         heartbeat: &Heartbeat,
     ) -> anyhow::Result<Work<anyhow::Result<Finished>>> {
-        let reset = self.kept.as_ref().map(|_| v1::Scenario {
-            scene: String::new(),
+        let reset = self.kept.as_ref().map(|kept| v1::Scenario {
+            scene: kept.reset_scene(&rollout.scenario.scene),
             robot: String::new(),
             cameras: Vec::new(),
             pacing: v1::Pacing::Unspecified.into(),

@@ -47,7 +47,7 @@ pub fn programs_named(prefix: &str) -> Vec<String> {
 pub fn required_program(name: &str) -> anyhow::Result<PathBuf> {
     find_program(name).with_context(|| {
         format!(
-            "`{name}` is neither beside this program nor on PATH; build the workspace first: cargo build --release --workspace"
+            "`{name}` is neither beside this program nor on PATH; install all programs of one version (`wheelarm doctor` lists them), or in a checkout: cargo build --release"
         )
     })
 }

@@ -13,7 +13,7 @@ pub struct TeleopArgs {
     #[arg(long, default_value_t = choice::own_name("teleop"), value_parser = choice::name, value_name = "NAME")]
     pub commander: String,
     /// Takes control from its current holder.
-    #[arg(long)]
+    #[arg(long, alias = "force")]
     pub take: bool,
     /// Label of the first episode; from task and seed when absent.
     #[arg(long)]

@@ -81,7 +81,7 @@ pub fn run(connect: &Connect, args: &TeleopArgs) -> anyhow::Result<Ended> {
         let page = PreviewArgs {
             page: args.page,
             keys: None,
-            name: Vec::new(),
+            host: Vec::new(),
         };
         Some(preview::open(&runtime, connect, &page)?)
     };

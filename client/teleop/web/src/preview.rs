@@ -27,11 +27,11 @@ pub struct PreviewArgs {
     pub page: SocketAddr,
     /// Folder of keys and users (`wheelarm keys init`): enables TLS and password
     /// login.
-    #[arg(long, value_name = "FOLDER")]
+    #[arg(long, value_name = "DIR")]
     pub keys: Option<PathBuf>,
     /// Host name by which browsers reach this host; may be repeated.
-    #[arg(long, value_name = "HOST", requires = "keys")]
-    pub name: Vec<String>,
+    #[arg(long, alias = "name", value_name = "NAME", requires = "keys")]
+    pub host: Vec<String>,
 }
 
 /// Serves the page until the returned gateway is dropped.
@@ -46,7 +46,7 @@ pub fn open(runtime: &Runtime, connect: &Connect, args: &PreviewArgs) -> anyhow:
         audit: None,
         files: None,
         keys: args.keys.clone(),
-        names: args.name.clone(),
+        names: args.host.clone(),
         watch_only: true,
     };
     runtime.block_on(Gateway::open(&options))

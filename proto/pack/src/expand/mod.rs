@@ -62,6 +62,7 @@ fn check_home(home: &HomeFile) -> Result<(), PackError> {
         ("piece", home.piece.len()),
         ("object", home.object.len()),
         ("place", home.place.len()),
+        ("handle", home.handle.len()),
     ] {
         place
             .key(list)
@@ -90,9 +91,13 @@ fn check_home(home: &HomeFile) -> Result<(), PackError> {
             .key("height")
             .within(room.height, 0.5, 20.0, "m", "lengths are metres")?;
     }
-    for entry in &home.place {
-        let place = place.entry("place", wheelarm_proto::check::beginning(&entry.on));
-        let unknown = entry.room.as_ref().filter(|room| !names.contains(room));
+    let places = home.place.iter();
+    let places = places.map(|entry| ("place", &entry.on, &entry.room));
+    let handles = home.handle.iter();
+    let handles = handles.map(|entry| ("handle", &entry.on, &entry.room));
+    for (list, on, room) in places.chain(handles) {
+        let place = place.entry(list, wheelarm_proto::check::beginning(on));
+        let unknown = room.as_ref().filter(|room| !names.contains(room));
         if let Some(room) = unknown {
             return Err(place.key("room").wrong(
                 format!("{:?}", wheelarm_proto::check::beginning(room)),

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::part::is_default;
-use super::place::PlaceEntry;
+use super::place::{HandleEntry, PlaceEntry};
 use super::scene::{LightEntry, ObjectEntry, RoomCameraEntry, StartEntry};
 
 /// `home.toml`: a home in metres and degrees; x east, y north, z up, the floor at z = 0.
@@ -40,6 +40,9 @@ pub struct HomeFile {
     /// Places for objects of tasks.
     #[serde(default, skip_serializing_if = "is_default")]
     pub place: Vec<PlaceEntry>,
+    /// Doors and drawers of furniture that the robot opens and closes.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub handle: Vec<HandleEntry>,
 }
 
 /// A room: a floor and a ceiling with an outline.

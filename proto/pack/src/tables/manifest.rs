@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::part::is_default;
+
 /// Value of the key `format` that this program writes and reads.
 pub const FORMAT: u32 = 1;
 
@@ -18,6 +20,12 @@ pub struct Manifest {
     pub name: String,
     /// Version of the content: 1 to 64 letters, digits, `-`, `_`, `.` or `+`.
     pub version: String,
+    /// For tests only: campaigns for training refuse the pack.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub held_out: bool,
+    /// A part of a program, which lists of homes leave out.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub hidden: bool,
     /// Authors and licenses.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub source: Vec<SourceEntry>,

@@ -72,6 +72,9 @@ pub struct StockEntry {
     /// It is placed beside other objects, and no task requests it.
     #[serde(default, skip_serializing_if = "is_default")]
     pub scenery: bool,
+    /// For tests only: no training takes it.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub held_out: bool,
     /// Result of `wheelarm object check`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub trials: Option<TrialsEntry>,

@@ -1,4 +1,4 @@
-//! Table of the places of a home, `[[place]]`.
+//! Tables of the places and handles of a home, `[[place]]` and `[[handle]]`.
 
 use serde::{Deserialize, Serialize};
 
@@ -30,6 +30,27 @@ pub struct PlaceEntry {
     #[serde(default, skip_serializing_if = "is_default")]
     pub apart: bool,
     /// Start of the chair near the place.
+    pub start: StartRangesEntry,
+}
+
+/// Furniture on a joint that the robot opens and closes by its handle, and where the chair starts
+/// near it. The import of a home writes them from its report.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct HandleEntry {
+    /// Furniture on a joint: a door or a drawer.
+    pub on: String,
+    /// Kind of the furniture that carries it, one word; its category when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub kind: Option<String>,
+    /// Room before the handle: in `home.toml` the name of one of its rooms, in a scene file its
+    /// kind.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub room: Option<String>,
+    /// The chair does not get there from the start of the home: it starts in the room.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub apart: bool,
+    /// Start of the chair near the handle.
     pub start: StartRangesEntry,
 }
 

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::object::GraspEntry;
 use super::part::{PartEntry, is_default};
-use super::place::PlaceEntry;
+use super::place::{HandleEntry, PlaceEntry};
 
 /// `assets/scenes/NAME.toml`.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
@@ -29,6 +29,9 @@ pub struct SceneFile {
     /// Places for objects of tasks.
     #[serde(default, skip_serializing_if = "is_default")]
     pub place: Vec<PlaceEntry>,
+    /// Doors and drawers of furniture that the robot opens and closes.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub handle: Vec<HandleEntry>,
 }
 
 /// Light of a scene, linear RGB times intensity.

@@ -5,7 +5,7 @@ use super::contact;
 use super::frame_data::FrameData;
 use super::geometry::{Geometry, VisibleRange};
 use super::pipelines::{Ambient, Pipelines};
-use super::target::{Target, depth_attachment};
+use super::target::{Image, Target, depth_attachment};
 use crate::scene::Lighting;
 
 /// Reversed depth where nothing is hit.
@@ -58,24 +58,29 @@ impl ImagePass<'_> {
         // the background.
         let glass = visible.iter().any(|s| s.finish.shine == Shine::Glass);
         let clears = glass || !self.packs_background;
+        let color = wgpu::RenderPassColorAttachment {
+            view,
+            depth_slice: None,
+            resolve_target: resolve,
+            ops: wgpu::Operations {
+                load: match clears {
+                    true => wgpu::LoadOp::Clear(self.sky),
+                    false => wgpu::LoadOp::Load,
+                },
+                store: if resolve.is_some() {
+                    wgpu::StoreOp::Discard
+                } else {
+                    wgpu::StoreOp::Store
+                },
+            },
+        };
+        let ids = target.ids.as_ref().filter(|_| !target.is_averaged());
+        let attachments = [Some(color)]
+            .into_iter()
+            .chain(ids.map(|ids| Some(identified(ids))));
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some(&target.spec.name),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view,
-                depth_slice: None,
-                resolve_target: resolve,
-                ops: wgpu::Operations {
-                    load: match clears {
-                        true => wgpu::LoadOp::Clear(self.sky),
-                        false => wgpu::LoadOp::Load,
-                    },
-                    store: if resolve.is_some() {
-                        wgpu::StoreOp::Discard
-                    } else {
-                        wgpu::StoreOp::Store
-                    },
-                },
-            })],
+            color_attachments: &attachments.collect::<Vec<_>>(),
             depth_stencil_attachment: Some(depth_attachment(depth, FARTHEST, resolve.is_none())),
             ..Default::default()
         });
@@ -139,15 +144,7 @@ impl ImagePass<'_> {
         if let (Some(ids), Some(pipeline)) = (&target.ids, &self.pipelines.outline) {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("ids"),
-                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                    view: &ids.view,
-                    depth_slice: None,
-                    resolve_target: None,
-                    ops: wgpu::Operations {
-                        load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                        store: wgpu::StoreOp::Store,
-                    },
-                })],
+                color_attachments: &[Some(identified(ids))],
                 depth_stencil_attachment: Some(depth_attachment(
                     &target.depth.view,
                     FARTHEST,
@@ -169,6 +166,19 @@ impl ImagePass<'_> {
         if self.is_warming_up {
             pass.set_scissor_rect(0, 0, 1, 1);
         }
+    }
+}
+
+/// The texture of the IDs as a target: 0 where nothing is hit.
+fn identified(ids: &Image) -> wgpu::RenderPassColorAttachment<'_> {
+    wgpu::RenderPassColorAttachment {
+        view: &ids.view,
+        depth_slice: None,
+        resolve_target: None,
+        ops: wgpu::Operations {
+            load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+            store: wgpu::StoreOp::Store,
+        },
     }
 }
 

@@ -119,7 +119,10 @@ impl Pipelines {
     pub(super) fn new(device: &wgpu::Device, tier: Tier) -> Self {
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("shader.wgsl"),
-            source: wgpu::ShaderSource::Wgsl(include_str!("shader.wgsl").into()),
+            source: wgpu::ShaderSource::Wgsl(match tier.ids_beside_colors() {
+                true => with_ids(include_str!("shader.wgsl")).into(),
+                false => include_str!("shader.wgsl").into(),
+            }),
         });
         let scene_layout = scene_layout(device);
         let shadow_layout = shadow_layout(device);
@@ -177,6 +180,7 @@ impl Pipelines {
                 samples: 1,
                 depth,
                 mix: Mix::Replace,
+                ids: false,
             };
             pipeline(device, &factory.module, &stage)
         };
@@ -192,7 +196,7 @@ impl Pipelines {
             },
             caster: place("caster", &PLACE, None, DepthUse::Shadow),
             erase: place("erase", &[], None, DepthUse::Erase),
-            outline: tier.separate_ids().then(|| {
+            outline: (tier.separate_ids() && !tier.ids_beside_colors()).then(|| {
                 let fragment = Some(("identify", IDS));
                 place("outline", &PLACE, fragment, DepthUse::Reversed)
             }),
@@ -294,6 +298,7 @@ impl PipelineFactory {
             samples: tier.samples,
             depth: DepthUse::Reversed,
             mix,
+            ids: tier.ids_beside_colors(),
         };
         pipeline(&self.device, &self.module, &stage)
     }
@@ -341,6 +346,35 @@ struct Stage<'a> {
     samples: u32,
     depth: DepthUse,
     mix: Mix,
+    /// It has IDs as a second target.
+    ids: bool,
+}
+
+/// The fragment shaders of surfaces with the ID of their body as a second output. The first
+/// becomes a function of its own, since shaders are not called.
+fn with_ids(shader: &str) -> String {
+    const HEAD: &str = "@fragment fn ";
+    const RESULT: &str = "-> @location(0) vec4<f32> {";
+    let mut whole = String::with_capacity(shader.len() + 4096);
+    let mut entries =
+        String::from("struct WithId { @location(0) color: vec4<f32>, @location(1) id: u32 }\n");
+    for line in shader.lines() {
+        let head = line.strip_prefix(HEAD).and_then(|l| l.strip_suffix(RESULT));
+        let Some((name, arguments)) = head.and_then(|head| head.split_once('(')) else {
+            whole.push_str(line);
+            whole.push('\n');
+            continue;
+        };
+        whole.push_str(&format!("fn {name}_color({arguments}-> vec4<f32> {{\n"));
+        let id = match name.contains("matte") {
+            true => "v.color.a",
+            false => "v.more.w",
+        };
+        entries.push_str(&format!(
+            "{HEAD}{name}({arguments}-> WithId {{ return WithId({name}_color(v), u32({id} + 0.5)); }}\n"
+        ));
+    }
+    whole + &entries
 }
 
 /// Blending with the existing pixel.
@@ -393,14 +427,24 @@ fn pipeline(
         ..Default::default()
     };
     let targets = stage.fragment.map(|(_, format)| {
-        [Some(wgpu::ColorTargetState {
+        let color = wgpu::ColorTargetState {
             format,
             blend: stage.mix.blend(),
             write_mask: match stage.mix {
                 Mix::Filter => wgpu::ColorWrites::COLOR,
                 _ => wgpu::ColorWrites::ALL,
             },
-        })]
+        };
+        let ids = stage.ids.then_some(wgpu::ColorTargetState {
+            format: IDS,
+            blend: None,
+            write_mask: match stage.mix {
+                Mix::Filter => wgpu::ColorWrites::empty(),
+                _ => wgpu::ColorWrites::ALL,
+            },
+        });
+        let targets = [Some(color)].into_iter().chain(ids.map(Some));
+        targets.collect::<Vec<_>>()
     });
     let (compare, bias) = match stage.depth {
         DepthUse::Reversed => (wgpu::CompareFunction::GreaterEqual, Default::default()),

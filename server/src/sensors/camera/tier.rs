@@ -56,8 +56,14 @@ impl Tier {
         self.shadow_taps > 0
     }
 
-    /// IDs and depth come from a separate pass, without averaging.
+    /// IDs have a texture of their own.
     pub(super) fn separate_ids(self) -> bool {
         self.samples > 1 || self.wide_ids
+    }
+
+    /// The pass of the colours writes that texture too: a pass of its own would render all
+    /// triangles again. With several samples, which are averaged, IDs and depth need that.
+    pub(super) fn ids_beside_colors(self) -> bool {
+        self.samples == 1 && self.wide_ids
     }
 }

@@ -2,10 +2,11 @@
 //! in force.
 
 use nalgebra::Isometry3;
+use wheelarm_homes::own_home::{DEFAULT_STYLE, OwnHomeId};
 use wheelarm_proto::check::{self, Invalid};
 use wheelarm_proto::geometry::{isometry, pose};
 use wheelarm_proto::settings::MAX_SENSOR_STRENGTH;
-use wheelarm_proto::settings::{Named, Style};
+use wheelarm_proto::settings::{Named, ObjectSplit, Style};
 use wheelarm_proto::{defaults, v1};
 use wheelarm_sensor_models::model::MAX_STRENGTH;
 
@@ -104,6 +105,9 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
         time_limit_seconds: s.time_limit,
         packs: packs::refs(&s.pack, &s.object_packs),
         draws: s.draws.map(SamplingRules::number),
+        layout_seed: s.layout_seed,
+        home_style: s.home_style.clone(),
+        object_split: s.object_split.name().to_owned(),
     }
 }
 
@@ -230,6 +234,35 @@ fn keep<T>(old: &mut T, new: Option<T>) {
     }
 }
 
+/// The own home of a request for `scene` over the scenario in force; `None` for another scene.
+fn own_home(
+    now: &Scenario,
+    scene: &str,
+    layout_seed: Option<u64>,
+    style: &str,
+) -> Result<Option<OwnHomeId>, Invalid> {
+    let in_force = now
+        .layout_seed
+        .map(|seed| OwnHomeId::of_scene(&now.scene, &now.home_style, seed));
+    let is_same = in_force
+        .as_ref()
+        .is_some_and(|home| scene == now.scene || scene == home.plan);
+    let kept = in_force.filter(|_| is_same);
+    let seed = layout_seed.or(kept.as_ref().map(|home| home.layout_seed));
+    let Some(seed) = seed else {
+        return match style {
+            "" => Ok(None),
+            _ => Err(Invalid::Missing("layout_seed, which home_style needs")),
+        };
+    };
+    let (plan, own_style) = match &kept {
+        Some(home) => (home.plan.as_str(), home.style.as_str()),
+        None => (scene, DEFAULT_STYLE),
+    };
+    let style = if style.is_empty() { own_style } else { style };
+    Ok(Some(OwnHomeId::of_scene(plan, style, seed)))
+}
+
 /// Largest number of cameras or sensors, objects and slides in a scenario.
 const MOST: [usize; 3] = [16, 256, 256];
 
@@ -247,6 +280,7 @@ fn bounded(request: &v1::Scenario) -> Result<(), Invalid> {
         ("target", request.target()),
     ];
     let given = given.into_iter().chain([("variant", request.variant())]);
+    let given = given.chain([("home style", request.home_style.as_str())]);
     for (what, name) in given.filter(|(_, name)| !name.is_empty()) {
         check::name(what, name)?;
     }
@@ -311,6 +345,9 @@ pub fn scenario_over(now: &Scenario, request: &v1::Scenario) -> Result<Scenario,
         look_around,
         packs: requested_packs,
         draws,
+        layout_seed,
+        home_style,
+        object_split,
     } = request;
     bounded(request)?;
     let mut s = now.clone();
@@ -327,9 +364,27 @@ pub fn scenario_over(now: &Scenario, request: &v1::Scenario) -> Result<Scenario,
     let changes_variant = variant.is_some() && *variant != now.variant;
     let rules = draws.map(sampling_rules).transpose()?;
     let changes_rules = rules.is_some() && rules != now.draws;
-    let resamples =
-        task.is_some() || seed.is_some() || moves_start || changes_variant || changes_rules;
+    let split = match object_split.as_str() {
+        "" => now.object_split,
+        split => ObjectSplit::from_name(split).map_err(|_| Invalid::Word {
+            what: "object_split",
+            value: check::beginning(split),
+            expected: "any, train or held_out",
+        })?,
+    };
+    let resamples = task.is_some()
+        || seed.is_some()
+        || moves_start
+        || changes_variant
+        || changes_rules
+        || split != now.object_split;
     let of_scene = if scene.is_empty() { &now.scene } else { scene };
+    let own_home = own_home(now, of_scene, *layout_seed, home_style)?;
+    let of_scene = &match &own_home {
+        Some(home) => home.to_string(),
+        None => of_scene.clone(),
+    };
+    let named = named || *of_scene != now.scene;
     let (scene_pack, object_packs) = packs::from_proto(of_scene, requested_packs)?;
     let object_packs = match requested_packs.is_empty() {
         true if *of_scene == now.scene => now.object_packs.clone(),
@@ -343,11 +398,16 @@ pub fn scenario_over(now: &Scenario, request: &v1::Scenario) -> Result<Scenario,
         s.sensors.clear();
     }
     let given = |new: &str| (!new.is_empty()).then(|| new.to_owned());
-    keep(&mut s.scene, given(scene));
-    if !scene.is_empty() || !requested_packs.is_empty() {
+    s.scene.clone_from(of_scene);
+    if !scene.is_empty() || !requested_packs.is_empty() || s.scene != now.scene {
         s.pack = scene_pack;
     }
+    (s.layout_seed, s.home_style) = match own_home {
+        Some(home) => (Some(home.layout_seed), home.style),
+        None => (None, String::new()),
+    };
     s.object_packs = object_packs;
+    s.object_split = split;
     if s.scene != now.scene && task.is_none() {
         // The task in force belongs to the former scene.
         s.task.clear();
@@ -569,6 +629,44 @@ mod tests {
             error.contains("draws") && error.contains("1 (ranges"),
             "{error}"
         );
+    }
+
+    #[test]
+    fn layout_seed_names_an_own_home_and_style_and_plan_stay_in_force() {
+        let over = |now: &Scenario, scene: &str, layout_seed, style: &str| {
+            let request = v1::Scenario {
+                scene: scene.to_owned(),
+                layout_seed,
+                home_style: style.to_owned(),
+                ..v1::Scenario::default()
+            };
+            scenario_over(now, &request)
+        };
+        let home = in_force();
+        let studio = over(&home, "studio", Some(3), "country").unwrap();
+        assert_eq!(studio.scene, "studio-country-3");
+        assert_eq!(
+            (studio.layout_seed, &*studio.home_style),
+            (Some(3), "country")
+        );
+        assert!(studio.objects.is_empty());
+        // The reply is a request for the same home.
+        assert_eq!(
+            scenario_over(&studio, &scenario(&studio)),
+            Ok(studio.clone())
+        );
+        assert_eq!(
+            scenario_over(&home, &scenario(&studio)).unwrap().scene,
+            studio.scene
+        );
+        let other = over(&studio, "", Some(4), "").unwrap();
+        assert_eq!(other.scene, "studio-country-4");
+        let other = over(&studio, "loft", Some(4), "").unwrap();
+        assert_eq!(other.scene, "loft-nordic-4");
+        let left = over(&studio, "home", None, "").unwrap();
+        assert_eq!((&*left.scene, left.layout_seed), ("home", None));
+        let error = over(&home, "", None, "country").unwrap_err().to_string();
+        assert!(error.contains("layout_seed"), "{error}");
     }
 
     #[test]

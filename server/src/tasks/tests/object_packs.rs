@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use wheelarm_pack::{Digest, Pack};
+use wheelarm_proto::settings::ObjectSplit;
 
 use super::super::task_sampling;
 use super::*;
@@ -89,6 +90,25 @@ fn scenery_and_objects_without_stock_are_no_targets() {
             "{stock:?}"
         );
     }
+}
+
+#[test]
+fn held_out_objects_are_targets_of_their_split_alone() {
+    let held_out = format!("{STOCK}held_out = true\n");
+    let packs = [pack("a", "vial", STOCK), pack("b", "flask", &held_out)];
+    let targets = |split| {
+        let scene = Scene {
+            object_split: split,
+            ..home_with(&packs)
+        };
+        load(&scene).unwrap().targets
+    };
+    let has = |targets: &[String], name: &str| targets.iter().any(|target| target == name);
+    let any = targets(ObjectSplit::Any);
+    assert!(has(&any, "vial") && has(&any, "flask"), "{any:?}");
+    let train = targets(ObjectSplit::Train);
+    assert!(has(&train, "vial") && !has(&train, "flask"), "{train:?}");
+    assert_eq!(targets(ObjectSplit::HeldOut), ["flask"]);
 }
 
 #[test]

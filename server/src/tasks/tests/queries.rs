@@ -10,8 +10,12 @@ use super::super::task_sampling;
 use super::*;
 use crate::scene::{Placement, SceneError, names};
 
-const HOME_TASKS: [&str; 4] = [
+const HOME_TASKS: [&str; 8] = [
     "carry_to_living_room",
+    "close_any_door",
+    "close_any_drawer",
+    "open_any_door",
+    "open_any_drawer",
     "take_anything",
     "take_from_table",
     "take_mug_in_kitchen",
@@ -160,8 +164,86 @@ fn homes_offer_the_tasks_that_they_satisfy() {
         queries.map(|task| task.name.clone()).collect()
     };
     assert_eq!(names(&assets(), "home_tasks").unwrap(), HOME_TASKS);
-    assert_eq!(listed(&home()), HOME_TASKS);
-    assert_eq!(listed(&flat()), HOME_TASKS[1..]);
+    let without = |left_out: &[&str]| -> Vec<&str> {
+        let mut tasks = HOME_TASKS.to_vec();
+        tasks.retain(|task| !left_out.contains(task));
+        tasks
+    };
+    let doors = ["close_any_door", "open_any_door"];
+    assert_eq!(listed(&home()), without(&doors));
+    let of_flat = without(&[&doors[..], &HOME_TASKS[..1]].concat());
+    assert_eq!(listed(&flat()), of_flat);
+    // A home without places has doors and drawers nevertheless.
+    let mut bare = flat();
+    bare.places.clear();
+    assert_eq!(listed(&bare), ["close_any_drawer", "open_any_drawer"]);
+}
+
+#[test]
+fn drawer_is_selected_by_seed_and_starts_closed_or_open() {
+    let mut targets = std::collections::BTreeSet::new();
+    for seed in 0..6 {
+        for (name, range) in [
+            ("open_any_drawer", [0.0, 1e-9]),
+            ("close_any_drawer", [0.15, 0.25]),
+        ] {
+            let (task, variant, scene, sample) = sampled(name, &home(), seed);
+            assert_eq!(variant.name, sample.target, "{name} {seed}");
+            let joint = scene.joint_of_furniture(&sample.target).expect("a joint");
+            let joint = scene.joint_named(&joint.name).expect("its index");
+            let position = sample.scene.positions[joint];
+            assert!(
+                (range[0]..=range[1]).contains(&position),
+                "{name}: {position}"
+            );
+            let others = sample.scene.positions.iter().enumerate();
+            let mut others = others.filter(|(i, _)| *i != joint);
+            assert!(
+                others.all(|(_, position)| *position == 0.0),
+                "{name} {seed}"
+            );
+            assert_eq!(sample.scene.placements.iter().flatten().count(), 0);
+            assert!(
+                matches!(task.goal, Goal::Open(_) | Goal::Close(_)),
+                "{name}"
+            );
+            assert!(!sample.instruction.contains('{'), "{}", sample.instruction);
+            targets.insert(sample.target);
+        }
+    }
+    assert!(targets.len() >= 3, "{targets:?}");
+}
+
+#[test]
+fn handle_that_is_not_of_the_variant_is_rejected() {
+    let home = home();
+    let task = TaskSpec::load(&assets(), "open_any_drawer", &home, &hand()).unwrap();
+    let variant = task.variants().next().unwrap();
+    let error = task.settled(variant, &home, 0, "drawer_3").unwrap_err();
+    assert!(error.to_string().contains("drawer_1"), "{error}");
+    let (own, _) = task.settled(variant, &home, 0, "drawer_1").unwrap();
+    assert_eq!(own.targets, ["drawer_1"]);
+}
+
+#[test]
+fn refused_door_lists_the_doors_and_drawers_of_the_home() {
+    let text = refusal("open_any_door", &flat());
+    for part in [
+        "no door of furniture",
+        "in flat",
+        "drawer of the table in the kitchen",
+    ] {
+        assert!(text.contains(part), "{part:?} is missing in: {text}");
+    }
+    // A drawer that ends before the bound cannot be opened far enough, but be closed.
+    let mut short = flat();
+    short.joints[0].travel = 0.19;
+    let offers = |name: &str| TaskSpec::load(&assets(), name, &short, &hand()).is_ok();
+    assert!(!offers("open_any_drawer") && offers("close_any_drawer"));
+    let mut bare = flat();
+    bare.handles.clear();
+    let text = refusal("open_any_drawer", &bare);
+    assert!(text.contains("imported again"), "{text}");
 }
 
 /// Sentences of task files, and those of the grammar, name the place so that the parser finds
@@ -172,12 +254,15 @@ fn sentences_about_every_home_parse_to_their_target() {
     let mut odd = flat();
     odd.places[0].room = "Salle_de_jeux".into();
     for (scene, tasks) in [
-        (home(), &HOME_TASKS[..]),
-        (flat(), &HOME_TASKS[1..]),
-        (odd, &HOME_TASKS[1..3]),
+        (
+            home(),
+            &[&HOME_TASKS[..1], &HOME_TASKS[2..3], &HOME_TASKS[4..]].concat()[..],
+        ),
+        (flat(), &[&HOME_TASKS[2..3], &HOME_TASKS[4..]].concat()[..]),
+        (odd, &HOME_TASKS[5..7]),
     ] {
         for name in tasks {
-            for seed in 0..6 {
+            for seed in 0..4 {
                 let (task, _, mut scene, sample) = sampled(name, &scene, seed);
                 let placements: Vec<Option<Placement>> = sample.scene.placements;
                 let mut present = placements.iter().map(Option::is_some);
@@ -209,6 +294,8 @@ fn sentences_about_every_home_parse_to_their_target() {
                     assert_eq!(Some(meaning.target), target, "{text}");
                     let verb = match task.goal {
                         Goal::Put { .. } => Verb::Put,
+                        Goal::Open(_) => Verb::Open,
+                        Goal::Close(_) => Verb::Close,
                         _ => Verb::Lift,
                     };
                     assert_eq!(meaning.verb, verb, "{text}");

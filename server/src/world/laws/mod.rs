@@ -14,6 +14,7 @@ mod soft;
 use std::path::Path;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
+use wheelarm_proto::settings::ObjectSplit;
 
 use super::World;
 use crate::geometry::{Part, Shape};
@@ -43,6 +44,7 @@ fn body(name: &str, pose: Isometry3<f64>, friction: f64, shape: Shape) -> Body {
         area: String::new(),
         category: String::new(),
         colour: String::new(),
+        noun: String::new(),
         pose,
         mass: None,
         friction,
@@ -106,10 +108,12 @@ fn scene(furniture: Vec<Body>, objects: Vec<Body>) -> (Scene, Vec<Placement>) {
         name: "laws".into(),
         pack: None,
         object_packs: Vec::new(),
+        object_split: ObjectSplit::default(),
         furniture,
         objects,
         surfaces: Vec::new(),
         places: Vec::new(),
+        handles: Vec::new(),
         joints: Vec::new(),
         lighting: Lighting {
             sun_direction: [0.0, 0.0, 1.0],

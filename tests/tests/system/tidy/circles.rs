@@ -178,7 +178,7 @@ fn files_of_client_packages_have_no_circles() {
     );
     let evaluate = &arrows("client/campaign/src")["evaluate"];
     assert!(
-        evaluate.contains("evaluate::runner"),
+        evaluate.contains("evaluate::report"),
         "missing child: {evaluate:?}"
     );
     for folder in STRAIGHT {

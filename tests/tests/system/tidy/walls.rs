@@ -64,6 +64,7 @@ const EXACT: [&str; 16] = [
     "server/src/service",
     "client/expert/src",
     "client/import/src",
+    "proto/homes/src",
     "proto/pack/src",
     "proto/planning/src",
     "proto/language/src",
@@ -191,7 +192,7 @@ const CLIENTS: [(&str, &[&str]); 14] = [
         &["codec", "language", "pack", "policy", "proto"],
     ),
     ("client/expert", &["planning", "proto", "sdk"]),
-    ("client/import", &["pack", "planning", "proto"]),
+    ("client/import", &["homes", "pack", "planning", "proto"]),
     ("client/learn", &["policy", "proto", "sdk"]),
     ("client/recorder", &["dataset", "proto", "sdk"]),
     ("client/rollout", &["expert", "policy", "proto", "sdk"]),
@@ -212,7 +213,7 @@ const CLIENTS: [(&str, &[&str]); 14] = [
     (
         "client/campaign",
         &[
-            "dataset", "expert", "options", "pack", "policy", "proto", "rollout", "sdk",
+            "dataset", "expert", "homes", "options", "pack", "policy", "proto", "rollout", "sdk",
         ],
     ),
     (
@@ -221,6 +222,7 @@ const CLIENTS: [(&str, &[&str]); 14] = [
             "access",
             "campaign",
             "expert",
+            "homes",
             "import",
             "options",
             "pack",
@@ -249,18 +251,19 @@ fn access_opens_no_connection() {
 /// renderer.
 #[test]
 fn pure_packages_are_below_server_and_clients() {
-    for folder in [
-        "proto/codec",
-        "proto/pack",
-        "proto/planning",
-        "proto/language",
-        "server/sensor-models",
+    for (folder, lower) in [
+        ("proto/codec", &[][..]),
+        ("proto/homes", &["pack", "planning"]),
+        ("proto/pack", &[]),
+        ("proto/planning", &[]),
+        ("proto/language", &[]),
+        ("server/sensor-models", &[]),
     ] {
         for name in dependencies(folder) {
             let ours = name.strip_prefix("wheelarm-");
             let foreign = ["zenoh", "wgpu", "tokio"].contains(&name.as_str());
             assert!(
-                ours.is_none_or(|ours| ours == "proto") && !foreign,
+                ours.is_none_or(|ours| ours == "proto" || lower.contains(&ours)) && !foreign,
                 "{folder} names {name}"
             );
         }

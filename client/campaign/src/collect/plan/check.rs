@@ -13,7 +13,8 @@ use wheelarm_proto::v1;
 use super::form::TaskFile;
 use super::parts::{PlanError, Task};
 use crate::sentences::Language;
-use crate::variation::Mistake;
+use crate::variation::{Mistake, Variation};
+use crate::worlds::Worlds;
 
 pub(super) fn line_of(text: &str, span: &Range<usize>) -> usize {
     let before = text.get(..span.start).unwrap_or(text);
@@ -81,6 +82,38 @@ impl Check<'_> {
                 "[variation.language] of a plan for training uses sentences that are held out for tests; \
                  write split = \"train\"",
             ));
+        }
+        Ok(())
+    }
+
+    /// Rejects homes, objects and looks in a plan for training that are kept for tests. In homes
+    /// of packs such a plan takes the objects that are not held out.
+    pub(super) fn worlds(
+        &self,
+        purpose: Purpose,
+        variation: &mut Variation,
+    ) -> Result<(), PlanError> {
+        if purpose != Purpose::Train {
+            return Ok(());
+        }
+        let worlds = Worlds::shipped().map_err(|error| self.whole(&format!("{error:#}")))?;
+        let homes = worlds.check_training_homes(&variation.homes);
+        let rest = homes.and_then(|()| worlds.check_training(&variation.scenario));
+        rest.map_err(|what| self.whole(&what))?;
+        let scenario = &mut variation.scenario;
+        let takes_objects_of_packs = !variation.homes.is_empty() || !scenario.packs.is_empty();
+        match scenario.object_split.as_str() {
+            "" if takes_objects_of_packs => {
+                LanguageSplit::Train
+                    .name()
+                    .clone_into(&mut scenario.object_split);
+            }
+            "" | "train" => {}
+            other => {
+                return Err(self.whole(&format!(
+                    "object_split = {other:?} of [scenario] takes objects that are held out for tests, and the plan is for training; write object_split = \"train\""
+                )));
+            }
         }
         Ok(())
     }

@@ -25,7 +25,7 @@ pub(super) struct PlanFile {
     #[serde(default = "apache")]
     pub(super) license: Spanned<String>,
     /// Use that the licenses of world packs have to permit.
-    pub(super) licence: Option<Spanned<String>>,
+    pub(super) pack_license: Option<Spanned<String>>,
     #[serde(default, deserialize_with = "purpose")]
     pub(super) purpose: Option<Purpose>,
     #[serde(default)]

@@ -18,11 +18,8 @@ pub use self::parts::{PlanError, Task};
 
 use self::check::Check;
 use self::form::PlanFile;
-use crate::renamed_keys::translated;
+use crate::renamed_keys::{COMMERCIAL, translated};
 use crate::variation::Variation;
-
-/// Value of the key `licence`.
-const COMMERCIAL: &str = "commercial";
 
 /// A checked plan.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,9 +34,10 @@ pub struct Plan {
     pub attempts: u32,
     /// Storage of depth.
     pub depth: Depth,
-    /// Licence of the dataset, as the Hugging Face hub names licences.
+    /// License of the dataset, as the Hugging Face hub names licenses.
     pub license: String,
-    /// Every part of the world packs has to permit commercial use: `licence = "commercial"`.
+    /// Every part of the world packs has to permit commercial use:
+    /// `pack_license = "commercial"`.
     pub commercial: bool,
     /// Keeps the recordings of attempts that failed at the task.
     pub keep_failed: bool,
@@ -94,7 +92,7 @@ impl Plan {
             .variation
             .checked(file.scenario)
             .map_err(|m| check.at(m))?;
-        let variation = Variation {
+        let mut variation = Variation {
             scenario: with_defaults(variation.scenario),
             ..variation
         };
@@ -102,6 +100,7 @@ impl Plan {
         let purpose = check.purpose(&tasks, file.purpose, *file.attempts.get_ref())?;
         check.name(&file.name)?;
         check.apart(purpose, variation.language.as_ref())?;
+        check.worlds(purpose, &mut variation)?;
         check.sensors(&variation.scenario.sensors, &variation.scenario.cameras)?;
         check.that(*file.attempts.get_ref() > 0, &file.attempts, || {
             "attempts is 0; at least 1 is needed".to_owned()
@@ -111,15 +110,15 @@ impl Plan {
         check.that(
             !license.is_empty() && license.chars().all(fits),
             &file.license,
-            || format!("license {license:?} is not the name of a licence; write for example \"cc-by-4.0\""),
+            || format!("license {license:?} is not the name of a license; write for example \"cc-by-4.0\""),
         )?;
         check.that(license != COMMERCIAL, &file.license, || {
-            "license = \"commercial\" is not a licence; write licence = \"commercial\" to refuse world packs that are not for commercial use, and license for that of the dataset".to_owned()
+            "license = \"commercial\" is not a license; write pack_license = \"commercial\" to refuse world packs that are not for commercial use, and license for that of the dataset".to_owned()
         })?;
-        if let Some(of_packs) = &file.licence {
+        if let Some(of_packs) = &file.pack_license {
             check.that(of_packs.get_ref() == COMMERCIAL, of_packs, || {
                 format!(
-                    "licence {:?} is not a use of world packs; write \"commercial\", or name the key `license` for the licence of the dataset",
+                    "pack_license {:?} is not a use of world packs; write \"commercial\", or name the key `license` for the license of the dataset",
                     of_packs.get_ref()
                 )
             })?;
@@ -131,7 +130,7 @@ impl Plan {
             attempts: file.attempts.into_inner(),
             depth: file.depth,
             license: file.license.into_inner(),
-            commercial: file.licence.is_some(),
+            commercial: file.pack_license.is_some(),
             purpose,
             keep_failed: file.keep_failed,
             variation,
@@ -291,6 +290,37 @@ mod tests {
     }
 
     #[test]
+    fn training_plan_uses_no_held_out_world() {
+        let check = |more: &str| {
+            let text = GOOD.replace(
+                "[[scenario.cameras]]",
+                &format!("{more}\n[[scenario.cameras]]"),
+            );
+            parse(&text).map_err(|e| e.to_string())
+        };
+        let train = "purpose = \"train\"\nfirst_seed = 10000\n";
+        let train_homes = check(&format!("{train}[variation]\nhomes = \"train\"")).unwrap();
+        assert!(train_homes.variation.homes.len() > 20);
+        assert_eq!(train_homes.scenario().object_split, "train");
+        let tests = check("[variation]\nhomes = \"held_out\"").unwrap();
+        assert_eq!(tests.scenario().object_split, "");
+        for (more, words) in [
+            ("[variation]\nhomes = \"held_out\"", "kept for tests"),
+            (
+                "[variation]\nhomes = [\"studio-nordic-1\", \"loft-nordic-1\"]",
+                "loft",
+            ),
+            ("scenario.scene = \"studio-modern-1\"", "modern"),
+            ("scenario.object_split = \"any\"", "object_split"),
+        ] {
+            let error = check(&format!("{train}{more}")).unwrap_err();
+            assert!(error.contains(words), "{more}: {error}");
+        }
+        let both = "[variation]\nhomes = \"train\"\n[scenario]\nscene = \"home\"";
+        assert!(check(both).unwrap_err().contains("exclude each other"));
+    }
+
+    #[test]
     fn errors_name_the_line_and_the_fix() {
         for (from, to, line, words) in [
             (
@@ -314,7 +344,7 @@ mod tests {
             ("episodes = 2", "episodes = 0", 8, "remove the task"),
             (
                 "name = \"x\"",
-                "name = \"x\"\nlicence = \"cc-by-4.0\"",
+                "name = \"x\"\npack_license = \"cc-by-4.0\"",
                 2,
                 "name the key `license`",
             ),
@@ -322,7 +352,7 @@ mod tests {
                 "name = \"x\"",
                 "name = \"x\"\nlicense = \"commercial\"",
                 2,
-                "write licence = \"commercial\"",
+                "write pack_license = \"commercial\"",
             ),
             ("width = 64", "width = 0", 2, "16 to 4096"),
             ("height = 48", "height = 4097", 2, "16 to 4096"),

@@ -13,7 +13,7 @@ use crate::convert::ffmpeg::{Encoders, Program, Stream, argument};
 /// Interval of key frames, at which a reader may begin, frames.
 const KEY_FRAMES: u32 = 2;
 /// The fix without the program.
-const WITHOUT: &str = "use --pictures png";
+const WITHOUT: &str = "use --images png";
 
 /// How images are stored in a LeRobot set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -198,7 +198,7 @@ impl Ffmpeg {
         let ((least, step), Size { width, height }) = (codec.grid(), size);
         ensure!(
             width.min(height) >= least && width % step + height % step == 0,
-            "{} needs images of at least {least} pixels each way, in multiples of {step}; these are of {width}x{height}: choose another size with --size, or --pictures",
+            "{} needs images of at least {least} pixels each way, in multiples of {step}; these are of {width}x{height}: choose another size with --size, or --images",
             codec.encoder()
         );
         self.program
@@ -373,7 +373,7 @@ mod tests {
         assert!(png.is_none());
         let error = Ffmpeg::of(nowhere.clone(), ImageFormat::Video, false);
         let error = error.unwrap_err().to_string();
-        assert!(error.contains("or use --pictures png"), "{error}");
+        assert!(error.contains("or use --images png"), "{error}");
         let odd = Size {
             width: 97,
             height: 64,
