@@ -99,6 +99,7 @@ pub fn run(connect: &Connect, args: &DriveArgs) -> anyhow::Result<ExitCode> {
         commander: args.commander.clone(),
         audit: args.audit.clone(),
         files: args.files.clone(),
+        recordings: args.out.clone(),
         keys: args.keys.clone(),
         names: args.name.clone(),
         watch_only: false,
