@@ -45,6 +45,11 @@ class User {
     return this.page.evaluate(() => document.body.innerText);
   }
 
+  /** The newest message, and the line of the object. */
+  messages() {
+    return this.page.evaluate(() => ["hint", "goal_text"].map((id) => document.getElementById(id).innerText).filter(Boolean).join(" | "));
+  }
+
   async sees(words, what, patience = 60) {
     return until(async () => {
       const found = words.exec(await this.text());
@@ -141,7 +146,7 @@ class User {
 }
 
 /** Until the robot no longer moves by itself. */
-const rests = (user) => until(async () => !/any press stops it/.test(await user.text()), "the robot rests", 120);
+const rests = (user) => until(async () => !/any press stops it/i.test(await user.text()), "the robot rests", 120);
 
 async function lift(user, say) {
   await user.page.locator("#stage").focus();
@@ -152,7 +157,7 @@ async function lift(user, say) {
     let [seen] = await user.bottle();
     if (!seen || Math.abs(seen.u - 0.5) > 0.35) {
       await user.take("Turn to the object", "Object");
-      await user.sees(/any press stops it/, "it turns", 20).catch(() => "");
+      await user.sees(/any press stops it/i, "it turns", 20).catch(() => "");
       await rests(user);
       await user.page.waitForTimeout(800);
       [seen] = await user.bottle();
@@ -165,18 +170,18 @@ async function lift(user, say) {
     await user.page.waitForTimeout(1000);
     const text = await user.text();
     if (!/mustard/.test(text.split("mustard in the hand")[1] || "") || !/\bTake\b/.test(text)) {
-      say("pointed past it");
+      say(`pointed past it: ${JSON.stringify(seen)} ${await user.messages()}`);
       if (/\bCancel\b/.test(text)) await user.take("Cancel", "Object");
       continue;
     }
     await user.take("Take", "Object");
-    await user.sees(/any press stops it/, "it begins", 20).catch(() => "");
+    await user.sees(/any press stops it/i, "it begins", 20).catch(() => "");
     const result = await until(async () => {
       const now = await user.text();
       if (/mustard in the hand: yes/.test(now)) return "lifted";
-      return /any press stops it/.test(now) ? "" : "ended";
+      return /any press stops it/i.test(now) ? "" : "ended";
     }, "it is lifted, or it ends", 180);
-    say(`take ${takes}: ${result}`);
+    say(`take ${takes}: ${result}: ${await user.messages()}`);
     await rests(user);
     if (/mustard in the hand: yes/.test(await user.text())) break;
   }

@@ -87,7 +87,7 @@ if (import.meta.url === `file://${process.argv[1]}`) {
   const browser = await launch();
   for (const [name, look] of Object.entries(LOOKS)) {
     if (names.length > 0 && !names.includes(name)) continue;
-    for (const dark of [false, true]) {
+    for (const dark of process.env.LIGHT ? [false] : [false, true]) {
       const one = await open(browser, { codec: "jpeg", slow: false, ...look, dark });
       await wait(one.page, 800);
       if (look.after) await look.after(one);

@@ -74,6 +74,8 @@ test("a phone of 360 px and a page at 400 % never scroll sideways; STOP is in si
     await view("driving");
     await one.page.evaluate(() => window.scrollTo(0, 5000));
     await view("the end of the page");
+    await one.page.locator('[data-item="more"]').click();
+    await view("more");
     await one.page.locator('[data-item="settings"]').click();
     await view("settings");
     await one.close();

@@ -528,7 +528,7 @@ class Page {
     }
     this.stage.show(at, Boolean(this.shownFrozen));
     text($("keys_state"), this.keysState());
-    $("keys_state").classList.toggle("important", lock !== "" || this.settings.scan.on || this.inputs.gamepads.pads.size > 0);
+    $("keys_state").classList.toggle("important", lock !== "" || Boolean(this.situation?.goal) || this.settings.scan.on || this.inputs.gamepads.pads.size > 0);
   }
 
   /** Instruction while scanning rests, or "". */

@@ -130,6 +130,7 @@ export class Pads {
     this.tab = name;
     const tabs = this.tabbed();
     $("tabs").hidden = !tabs;
+    $("driving").classList.toggle("tabbed", tabs);
     for (const pad of document.querySelectorAll(".pad")) pad.hidden = tabs && pad.dataset.pad !== name;
     for (const one of $("tabs").children) one.setAttribute("aria-pressed", String(one.dataset.item === `tab:${name}`));
   }

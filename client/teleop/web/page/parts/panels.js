@@ -246,7 +246,7 @@ export class Panels {
         () => app.choosing(!app.stage.picking), { "aria-pressed": String(app.stage.picking), ...off }),
       ...(task && !app.stage.picking ? [button("goal:turn", "Turn to the object", () => app.startGoal("task", "turn"), off)] : [])];
     });
-    text($("goal_text"), goal ? `${goal.name}: ${goal.text || goal.stage} (${goal.at ?? 0} of ${goal.of ?? 0})`
+    text($("goal_text"), goal ? `${goal.name}: ${goal.text || goal.stage} (${goal.at ?? 0} of ${goal.of ?? 0}). Any press stops it.`
       : menu ? this.words(menu)
         : app.stage.picking ? "Click an object in an image, or a place to put the object down." : "");
   }

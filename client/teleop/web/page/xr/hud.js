@@ -22,7 +22,7 @@ export class Hud {
     const { situation: s, confirmation } = this.app;
     const asks = confirmation.asks(this.app.now());
     const again = (what, words) => [what, asks === what ? "again?" : words];
-    // Where nobody drives, starting takes control.
+    // While control is free, starting takes it.
     if (!s?.lease?.mine && (s?.lease?.holder || s?.episode)) return [["ask", "Ask for control"], ["leave", "Leave"]];
     const alarms = this.app.panels.alarmed.length > 0 ? [["alarm:0", "I have read this"]] : [];
     return s.episode ? [...alarms, ["finish", "Finish"], again("discard", "Discard"), again("redo", "Redo"), ["read", "Read"], ["leave", "Leave"]]
