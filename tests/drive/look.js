@@ -1,4 +1,5 @@
 // Images of the page as each person sees it: node look.js FOLDER [NAME…]
+// As JPEG for the guides with JPEG=1, in light colors alone with LIGHT=1.
 
 import { mkdirSync } from "node:fs";
 
@@ -92,7 +93,8 @@ if (import.meta.url === `file://${process.argv[1]}`) {
       await wait(one.page, 800);
       if (look.after) await look.after(one);
       await wait(one.page, 300);
-      await one.page.screenshot({ path: `${folder}/${name}-${dark ? "dark" : "light"}.png`, fullPage: process.env.FULL === "1" });
+      const jpeg = process.env.JPEG ? { type: "jpeg", quality: 72 } : {};
+      await one.page.screenshot({ path: `${folder}/${name}-${dark ? "dark" : "light"}.${process.env.JPEG ? "jpg" : "png"}`, ...jpeg });
       await one.close().catch((error) => console.log(name, error.message));
     }
   }
