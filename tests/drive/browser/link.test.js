@@ -147,6 +147,7 @@ on("nobody drives: nothing is red, and the first press takes control and acts", 
   await page.locator("#chips").getByText("Nobody drives yet").waitFor();
   const red = await page.evaluate(() => [...document.querySelectorAll("#chips .bad, #alarm:not(:empty), #alarms > *")].map((one) => one.textContent));
   assert.deepEqual(red, []);
+  await page.locator("#keys_state").getByText("Nobody drives yet").waitFor();
   await page.keyboard.down("KeyW");
   await until(() => gateway.asks.some((ask) => ask.ask === "lease.ask"), "it asks for control");
   await until(() => driven(gateway).length > 2, "the held key drives");
@@ -156,7 +157,7 @@ on("nobody drives: nothing is red, and the first press takes control and acts", 
 });
 
 on("a press while nobody drives that ends before control is granted moves nothing", { drive: false }, async ({ gateway, page }) => {
-  await page.locator("#chips").getByText("Nobody drives yet").waitFor();
+  await page.locator("#keys_state").getByText("Nobody drives yet").waitFor();
   await page.keyboard.press("KeyW");
   await page.locator("#chips").getByText("You drive").waitFor();
   assert.equal(driven(gateway).length, 0);
