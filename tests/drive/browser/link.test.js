@@ -231,6 +231,8 @@ on("settings persist, are saved to a file and are validated when loaded", {}, as
   await page.locator("#drive:not([hidden])").waitFor();
   assert.equal(await page.evaluate(() => document.documentElement.dataset.theme), "dark");
   await item(page, "settings").click();
+  // A pointer that rests on the button would press it again.
+  await page.mouse.move(4, 400);
   assert.equal(await item(page, "preset:dwell").getAttribute("aria-pressed"), "true");
   await item(page, "preset:keyboard").click();
   await page.locator("#settings_file").setInputFiles(await download.path());
