@@ -18,8 +18,8 @@
 # make contract-python   writes the Python package's part of the contract, after such a change
 # make test-python   the Python package with Python 3.10 to 3.13 and protobuf 3.20 to 7: every
 #                    task and mode, types, the guide, the notebook; downloads some packages
-# make test-drive   the page that drives: every device, accessibility, a headset, in Chromium
-#                   (installs it and four npm packages)
+# make test-drive   the page that drives: every device, accessibility, a headset, and one switch that
+#                   lifts the mustard on 12 seeds, in Chromium (installs it and four npm packages)
 # make bench-drive   image rate, latency and control through the gateway on good and bad links
 #                 (root: network namespaces)
 # make test-lerobot   lerobot-eval and lerobot-record of 0.4.4 and 0.6.1 with our plugins, and
