@@ -208,7 +208,7 @@ pub fn run(
     let reply = client.request(&v1::SceneRequest {})?;
     let scene = SceneModel::read(&reply)?;
     let goal = Goal::read(&reply, &scene)?;
-    let puts = matches!(goal, Goal::Put { .. });
+    let puts = matches!(goal, Some(Goal::Put { .. }));
     let roles = Roles::find(&reply.robot.unwrap_or_default())?;
     let style = Style::from_name(scenario.style()).unwrap_or_default();
     let seed = options.profile_seed.unwrap_or(scenario.seed());
