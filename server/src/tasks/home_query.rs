@@ -11,7 +11,7 @@ use super::home_sites::{Finder, HomeQuery, Site};
 use super::joint_query;
 use super::random::{fraction, index, shuffle, stream};
 use super::spec::TaskSpec;
-use super::stock::{self, Stock};
+use super::stock;
 use super::template::{Template, Verb};
 use crate::robot::CorridorSettings;
 use crate::scene::{Place, ReachedPlace, Scene, SceneError};
