@@ -18,8 +18,8 @@
 # make contract-python   writes the Python package's part of the contract, after such a change
 # make test-python   the Python package with Python 3.10 to 3.13 and protobuf 3.20 to 7: every
 #                    task and mode, types, the guide, the notebook; downloads some packages
-# make test-drive   the page that drives: every device, accessibility, a headset, in Chromium
-#                   (installs it and four npm packages)
+# make test-drive   the page that drives: every device, accessibility, a headset, and one switch that
+#                   lifts the mustard on 12 seeds, in Chromium (installs it and four npm packages)
 # make bench-drive   image rate, latency and control through the gateway on good and bad links
 #                 (root: network namespaces)
 # make test-lerobot   lerobot-eval and lerobot-record of 0.4.4 and 0.6.1 with our plugins, and
@@ -94,7 +94,7 @@ export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 # Settings of another server in this shell must not affect servers that are started here.
 unexport WHEELARM_CONNECT WHEELARM_KEYS WHEELARM_SIM WHEELARM_USER
 
-.PHONY: all build static demo test test-learn lints suites contract test-cluster test-readers test-data test-original test-adversarial test-hashes test-import test-expert test-variety docs soak train-mustard train-tasks train-multiplied demo-policy bench bench-campaign test-rosbag2 dist release test-release test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean test-homes assets test-objects
+.PHONY: all build static demo test test-learn lints suites python-suite contract test-cluster test-readers test-data test-original test-adversarial test-hashes test-import test-expert test-variety docs soak train-mustard train-tasks train-multiplied demo-policy bench bench-campaign test-rosbag2 dist release test-release test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean test-homes assets test-objects
 all: build
 
 build:
@@ -125,6 +125,7 @@ demo: build
 # A test that cannot run here fails. Lints and documentation are checked while tests run:
 # most tests wait for servers in real time, and leave the cores idle.
 test: export WHEELARM_NO_SKIPS = 1
+test: export RUSTC_WRAPPER ?= $(CURDIR)/scripts/rustc.sh
 test:
 	scripts/setup.sh room 8
 	scripts/setup.sh chromium
@@ -134,7 +135,7 @@ test:
 	tests/drive.sh fast
 	$(CARGO) fmt --all --check
 	$(CARGO) build --release --workspace $(WITHOUT_LEARN) --bins --tests $(RUN_EXAMPLES)
-	+$(MAKE) --no-print-directory -j 2 lints suites
+	+$(MAKE) --no-print-directory -j 3 lints suites python-suite
 
 # Prints only what fails: the output of the tests appears at the same time. Begins when
 # `cargo test` has released the lock of the target folder: else the tests would wait.
@@ -151,6 +152,11 @@ suites: export WHEELARM_CACHE = $(if $(filter /%,$(BUILT)),$(BUILT),$(CURDIR)/$(
 suites:
 	rm -rf "$(WHEELARM_CACHE)"
 	RUST_TEST_THREADS=$(TEST_THREADS) $(ALONE) $(CARGO) test --release --workspace $(WITHOUT_LEARN) --tests
+
+python-suite: export WHEELARM_NO_SKIPS = 1
+python-suite: export WHEELARM_CACHE = $(if $(filter /%,$(BUILT)),$(BUILT),$(CURDIR)/$(BUILT))/test-cache-python
+python-suite:
+	rm -rf "$(WHEELARM_CACHE)"
 	PYTHONPATH=client/python/src "$(WHEELARM_PYTHON)" -m pytest -q -m "not slow" client/python/tests
 
 test-learn:

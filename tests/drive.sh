@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Tests the page that drives (client/teleop/web/page).
 #   tests/drive.sh        its logic with node; every device, accessibility and a headset in
-#                         Chromium; and one switch that lifts the mustard. Installs Chromium and
-#                         four npm packages if they are missing.
+#                         Chromium; and one switch that lifts the mustard, on twelve seeds. Installs
+#                         Chromium and four npm packages if they are missing.
 #   tests/drive.sh fast   only its logic: seconds, with node alone
 set -euo pipefail
 cd "$(dirname "$0")/drive"

@@ -22,7 +22,7 @@ export const launch = () => chromium.launch({
  * A gateway and a page of it: {gateway, page, context, close}. `settings` are those
  * of the browser, `scripts` run before the page's.
  */
-export async function open(browser, { user = "anna", drive = true, size = { width: 1280, height: 900 }, dark = false, touch = false,
+export async function open(browser, { user = "anna", drive = true, size = { width: 1280, height: 800 }, dark = false, touch = false,
   settings, scripts = [], reduced = false, codec = "auto", episode = false, slow = true } = {}) {
   const gateway = await new Gateway().start();
   gateway.codec = codec;
@@ -52,7 +52,7 @@ export async function open(browser, { user = "anna", drive = true, size = { widt
       gateway.holder = user;
       // A busy machine may show nothing for a second at the start.
       await until(() => gateway.acks.filter((ack) => ack.painted).length > 6, "images are painted");
-      await page.waitForFunction(() => !document.body.classList.contains("locked"));
+      await page.waitForFunction(() => document.body.classList.contains("mine") && !document.body.classList.contains("locked"));
     }
     if (episode) gateway.episode = { number: 4, label: "mustard-seed3-1", instruction: "Bring the mustard to the person.", seconds: 12 };
   }

@@ -364,9 +364,11 @@ export class Gateway {
       t: "situation", n: this.count, tick: this.tick, sim_s: this.tick / 240, link: "open", link_for_s: 10,
       you: { user, role: USERS[user].role }, lease: { holder: this.holder, mine, requests: this.requestedBy && this.requestedBy !== this.holder ? [this.requestedBy] : [], for_s: 10 },
       people, scenario: { task: "pick_mustard", seed: 3, instruction: "Bring the mustard to the person." }, episode: this.episode,
-      alarms: this.alarms,
+      alarms: this.alarms, recorded_bytes: this.episode && !this.episode.practice ? Math.round(this.episode.seconds * 1.2e6) : null,
       recorders: this.recorders.map((name) => ({ name, state: this.recorderState || (this.episode ? "ready" : "idle"), missed: 0, frames: this.episode ? Math.round(this.episode.seconds * 20) : 0, complete: false, message: "" })),
-      evaluation: { success: false, failure: "", elapsed_s: 0, conditions: [{ name: "mustard in the hand", holds: false, required: true }] },
+      evaluation: { success: false, failure: "", elapsed_s: 0, conditions: [
+        { name: "lifted_and_held(mustard)", holds: false, required: true }, { name: "chair_stopped", holds: true, required: true },
+        { name: "nothing_knocked_over", holds: true, required: true }, { name: "clear_of_person", holds: true, required: true }] },
       paused: faults.paused, waiting_for: "", factor: 1, busy: "",
       cameras: ["wheelchair", "gen3"].map((name, index) => ({ index, name, width: 1280, height: 720, hz: 10, codec: "jpeg", width_sent: 640 })),
       control: { seq: this.seq, epoch: this.epoch, dead: this.dead, stopped: Boolean(this.stopped), allow: faults.allow, why: faults.why, age_ms: faults.age_ms,

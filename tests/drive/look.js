@@ -1,4 +1,5 @@
 // Images of the page as each person sees it: node look.js FOLDER [NAME…]
+// As JPEG for the guides with JPEG=1, in light colors alone with LIGHT=1.
 
 import { mkdirSync } from "node:fs";
 
@@ -25,10 +26,31 @@ export const LOOKS = {
     }
   } },
   dwell: { settings: preset("dwell"), episode: true, after: async ({ page }) => {
-    const box = await page.locator('[data-item="hand.forward"]').boundingBox();
+    const box = await page.locator('[data-item="chair.forward"]').boundingBox();
     await page.mouse.move(box.x + 40, box.y + 60);
     await wait(page, 600);
   } },
+  idle: { drive: false },
+  more: { episode: true, after: async ({ page }) => page.locator('[data-item="more"]').click() },
+  phone_more: { size: PHONE, touch: true, settings: preset("touch"), episode: true, after: async ({ page }) => page.locator('[data-item="more"]').click() },
+  phone_alarm: { size: PHONE, touch: true, settings: preset("touch"), after: async ({ gateway, page }) => {
+    gateway.recorders = [];
+    await page.locator('[data-item="start"]').click();
+    await wait(page, 500);
+  } },
+  phone_switch: { size: PHONE, settings: preset("one_switch"), episode: true, after: async ({ page }) => {
+    await page.keyboard.down("Space");
+    await wait(page, 400);
+    await page.keyboard.up("Space");
+    await wait(page, 4000);
+  } },
+  norecorder: { after: async ({ gateway, page }) => {
+    gateway.recorders = [];
+    await page.locator('[data-item="start"]').click();
+    await wait(page, 500);
+  } },
+  wide: { size: { width: 1920, height: 1080 }, episode: true },
+  laptop: { size: { width: 1366, height: 768 }, settings: preset("touch"), episode: true },
   gamepad: { settings: preset("gamepad"), scripts: ["navigator.getGamepads = () => [{ id: 'Xbox Adaptive Controller', index: 0, connected: true, mapping: 'standard', axes: [0,0,0,0], buttons: Array.from({length:17},()=>({pressed:false,value:0})) }]"] },
   voice: { settings: preset("voice") },
   spectator: { user: "vera", drive: false },
@@ -66,12 +88,13 @@ if (import.meta.url === `file://${process.argv[1]}`) {
   const browser = await launch();
   for (const [name, look] of Object.entries(LOOKS)) {
     if (names.length > 0 && !names.includes(name)) continue;
-    for (const dark of [false, true]) {
+    for (const dark of process.env.LIGHT ? [false] : [false, true]) {
       const one = await open(browser, { codec: "jpeg", slow: false, ...look, dark });
       await wait(one.page, 800);
       if (look.after) await look.after(one);
       await wait(one.page, 300);
-      await one.page.screenshot({ path: `${folder}/${name}-${dark ? "dark" : "light"}.png`, fullPage: process.env.FULL === "1" });
+      const jpeg = process.env.JPEG ? { type: "jpeg", quality: 72 } : {};
+      await one.page.screenshot({ path: `${folder}/${name}-${dark ? "dark" : "light"}.${process.env.JPEG ? "jpg" : "png"}`, ...jpeg });
       await one.close().catch((error) => console.log(name, error.message));
     }
   }

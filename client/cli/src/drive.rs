@@ -91,6 +91,7 @@ pub fn run(connect: &Connect, args: &DriveArgs) -> anyhow::Result<ExitCode> {
         commander: args.commander.clone(),
         audit: args.audit.clone(),
         files: args.files.clone(),
+        recordings: args.out.clone(),
         keys: args.keys.clone(),
         names: args.host.clone(),
         watch_only: false,

@@ -13,10 +13,7 @@ fn main() -> ExitCode {
     match commands::main(commands::Cli::read()) {
         Ok(code) => ExitCode::from(code),
         Err(problem) => {
-            eprintln!(
-                "error: {}",
-                wheelarm_proto::program::error_chain(problem.as_ref())
-            );
+            eprintln!("{}", wheelarm_proto::program::error_chain(problem.as_ref()));
             ExitCode::FAILURE
         }
     }

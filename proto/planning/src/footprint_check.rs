@@ -514,7 +514,7 @@ mod tests {
             },
         );
         let mut check = FootprintCheck::from_outlines([wheels, hand]);
-        // A rug on the floor makes it no larger, and a table is no floor.
+        // A rug does not make the floor larger, and a table does not count.
         let floor = (rectangle([2.0, 1.0], [2.0, 1.5], 0.0), [-0.1, 0.0]);
         let rug = (rectangle([2.0, 1.0], [0.5, 0.5], 0.3), [0.0, 0.01]);
         let table = (rectangle([9.0, 1.0], [0.5, 0.5], 0.0), [0.7, 0.75]);

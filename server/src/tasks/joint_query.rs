@@ -17,8 +17,8 @@ use wheelarm_proto::furniture::JointMotion;
 
 /// Hinges and rails differ and wear: friction and damping as shares of the scene's values.
 const WEAR: [f64; 2] = [0.8, 1.2];
-/// Position of a door to close at its start, radians: 50 to 60 degrees.
-const OPEN_TURN: [f64; 2] = [0.873, 1.047];
+/// Position of a door to close at its start, degrees.
+const OPEN_TURN_DEG: [f64; 2] = [50.0, 60.0];
 /// The same of a drawer, metres.
 const OPEN_SLIDE: [f64; 2] = [0.15, 0.25];
 /// Furniture is opened this far beyond the bound of its task, radians or metres: so far it has
@@ -180,7 +180,7 @@ fn slide(joint: &FurnitureJoint, goal: &Goal) -> SlideSpec {
     };
     let open = match joint.motion {
         JointMotion::Slides => OPEN_SLIDE,
-        JointMotion::Turns => OPEN_TURN,
+        JointMotion::Turns => OPEN_TURN_DEG.map(f64::to_radians),
     };
     let [min, max] = match goal {
         Goal::Close(_) => open.map(|position| position.min(joint.travel)),

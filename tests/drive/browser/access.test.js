@@ -34,14 +34,27 @@ const small = (page) => page.evaluate(() => {
     .map(({ one, box }) => `${one.dataset.item || one.id || one.tagName} ${box.width.toFixed(0)}x${box.height.toFixed(0)}`);
 });
 
+/** Visible texts below 16 CSS pixels. */
+const fine = (page) => page.evaluate(() => {
+  const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  const found = new Set();
+  while (texts.nextNode()) {
+    const { parentElement: one, data } = texts.currentNode;
+    if (!data.trim() || one.tagName === "SCRIPT" || !one.checkVisibility()) continue;
+    if (parseFloat(getComputedStyle(one).fontSize) < 15.99) found.add(`${data.trim().slice(0, 30)}: ${getComputedStyle(one).fontSize}`);
+  }
+  return [...found];
+});
+
 for (const [name, look] of Object.entries(LOOKS)) {
   for (const dark of [false, true]) {
-    test(`${name}, ${dark ? "dark" : "light"}: axe finds nothing, every target is large enough`, async () => {
+    test(`${name}, ${dark ? "dark" : "light"}: axe finds nothing, targets and texts are large enough`, async () => {
       const one = await open(browser, { codec: "jpeg", ...look, dark, scripts: [...(look.scripts || []), AXE] });
       try {
         if (look.after) await look.after(one);
         assert.deepEqual(await violations(one.page), []);
         if (!dark) assert.deepEqual(await small(one.page), []);
+        if (!dark) assert.deepEqual(await fine(one.page), []);
       } finally {
         await one.close();
       }
@@ -61,6 +74,8 @@ test("a phone of 360 px and a page at 400 % never scroll sideways; STOP is in si
     await view("driving");
     await one.page.evaluate(() => window.scrollTo(0, 5000));
     await view("the end of the page");
+    await one.page.locator('[data-item="more"]').click();
+    await view("more");
     await one.page.locator('[data-item="settings"]').click();
     await view("settings");
     await one.close();
@@ -99,7 +114,7 @@ test("Tab reaches every button in the order of the page, and the focus is never 
     if (visited.includes(state.name)) break;
     visited.push(state.name);
   }
-  const order = ["settings", "stage", "chair.forward", "speed:1", "start", "stop"].map((name) => visited.indexOf(name));
+  const order = ["settings", "stage", "pick", "chair.forward", "start", "stop"].map((name) => visited.indexOf(name));
   assert.ok(order.every((at, index) => at >= 0 && (index === 0 || at > order[index - 1])), JSON.stringify(visited));
   await one.close();
 });

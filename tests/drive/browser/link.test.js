@@ -13,6 +13,8 @@ const moves = (message) => message.t === "drive" && [...(message.chair || []), .
 const driven = (gateway) => gateway.taken.filter(moves);
 const stops = (gateway) => gateway.taken.filter((message) => message.t === "stop");
 const item = (page, name) => page.locator(`[data-item="${name}"]`);
+/** Opens what is not needed at every moment. */
+const more = (page) => item(page, "more").click();
 const on = (name, options, body) => test(name, async () => {
   const one = await open(browser, { codec: "jpeg", ...options });
   try {
@@ -72,11 +74,13 @@ on("a frozen image stops what moves and locks driving; STOP works; it comes back
 
 on("age: the speed cap is shown, old images leave steps, older ones STOP", {}, async ({ gateway, page }) => {
   Object.assign(gateway.faults, { age_ms: 480, share: 0.6 });
-  await page.getByText("loop 480 ms, at most 0.21 m/s").waitFor();
+  await page.locator("#chips").getByText("480 ms, at most 0.21 m/s").waitFor();
   Object.assign(gateway.faults, { allow: "steps", age_ms: 1400 });
-  await page.getByText("1.4 s, only steps").waitFor();
+  await page.locator("#chips").getByText("1.4 s, only steps").waitFor();
   await page.keyboard.press("KeyW");
+  await more(page);
   await item(page, "mode:step").click();
+  await item(page, "drawer:close").click();
   await item(page, "chair.forward").click();
   await until(() => gateway.taken.some((message) => message.t === "step"), "a step is taken");
   assert.equal(driven(gateway).length, 0);
@@ -106,7 +110,7 @@ on("one lane is enough; both gone stop; the page reconnects and nothing moves by
 });
 
 on("click on an object, take it, and any press stops the goal", {}, async ({ gateway, page }) => {
-  await page.locator("#stage canvas").first().click({ position: { x: 120, y: 50 } });
+  await page.locator("#stage canvas").first().click({ position: { x: 190, y: 60 } });
   await item(page, "goal:take").waitFor();
   const pick = gateway.asks.find((ask) => ask.ask === "pick");
   assert.ok(pick.camera === 0 && pick.tick > 0 && pick.tick <= gateway.tick && pick.u > 0.2 && pick.u < 0.4, JSON.stringify(pick));
@@ -117,25 +121,69 @@ on("click on an object, take it, and any press stops the goal", {}, async ({ gat
   await until(() => gateway.goal?.action === "take", "the goal runs");
   await page.getByText("mustard bottle: the hand goes near (2 of 4)").waitFor();
   // Any press, wherever: here on a button that would do something else.
-  await item(page, "read").click();
+  await more(page);
   await until(() => stops(gateway).length === 3 && !gateway.goal, "it stops");
 });
 
 on("another user drives: locked, control requested, taken by a second press", { drive: false }, async ({ gateway, page }) => {
   gateway.holder = "ben";
-  await page.getByText("ben is in control.").first().waitFor();
+  await page.locator("#chips").getByText("ben drives").waitFor();
   await page.keyboard.press("KeyW");
   await item(page, "ask").click();
-  await page.getByText("ben is in control; wait, or take it").first().waitFor();
+  await page.locator("#hint").getByText("ben is in control; wait, or take it").waitFor();
   await item(page, "take").click();
   assert.equal(gateway.holder, "ben");
   await item(page, "take").click();
   await until(() => gateway.holder === "anna", "it is taken");
   assert.equal(driven(gateway).length, 0);
   gateway.requestedBy = "ben";
+  await more(page);
   await item(page, "give:ben").click();
   await until(() => gateway.holder === "ben", "it is given");
   await page.waitForFunction(() => document.body.classList.contains("locked"));
+});
+
+on("nobody drives: nothing is red, and the first press takes control and acts", { drive: false }, async ({ gateway, page }) => {
+  await page.locator("#chips").getByText("Nobody drives yet").waitFor();
+  const red = await page.evaluate(() => [...document.querySelectorAll("#chips .bad, #alarm:not(:empty), #alarms > *")].map((one) => one.textContent));
+  assert.deepEqual(red, []);
+  await page.locator("#keys_state").getByText("Nobody drives yet").waitFor();
+  await page.keyboard.down("KeyW");
+  await until(() => gateway.asks.some((ask) => ask.ask === "lease.ask"), "it asks for control");
+  await until(() => driven(gateway).length > 2, "the held key drives");
+  await page.keyboard.up("KeyW");
+  await until(() => gateway.held === null, "it is released");
+  await page.locator("#chips").getByText("You drive").waitFor();
+});
+
+on("a press while nobody drives that ends before control is granted moves nothing", { drive: false }, async ({ gateway, page }) => {
+  await page.locator("#keys_state").getByText("Nobody drives yet").waitFor();
+  await page.keyboard.press("KeyW");
+  await page.locator("#chips").getByText("You drive").waitFor();
+  assert.equal(driven(gateway).length, 0);
+});
+
+on("Start driving takes control and begins an episode; its time and size are shown", { drive: false }, async ({ gateway, page }) => {
+  await item(page, "start").click();
+  await until(() => gateway.episode && gateway.holder === "anna", "it runs");
+  gateway.episode.seconds = 62;
+  await page.locator("#chips").getByText(/● Recording 1:0\d, \d+ MB/).waitFor();
+  await page.locator("#aims").getByText("mustard in the hand: not yet").waitFor();
+});
+
+on("an episode that no recorder records raises an alarm that blocks driving", { episode: true }, async ({ gateway, page }) => {
+  gateway.recorders = [];
+  await page.locator("#alarms").getByText("NOTHING IS RECORDED").waitFor();
+  assert.ok(await page.locator("#pads").isHidden());
+  await page.keyboard.down("KeyW");
+  await page.getByText("Read the alarm first").first().waitFor({ state: "attached" });
+  await page.keyboard.up("KeyW");
+  assert.equal(driven(gateway).length, 0);
+  await item(page, "alarm:0").click();
+  await page.locator("#pads").waitFor();
+  await page.keyboard.down("KeyW");
+  await until(() => driven(gateway).length > 2, "after it was read the person drives");
+  await page.keyboard.up("KeyW");
 });
 
 on("a viewer sees and cannot drive", { user: "vera", drive: false }, async ({ gateway, page }) => {
@@ -157,10 +205,12 @@ on("a wrong password shows an error, the right one opens the page", { user: null
 });
 
 on("an episode: start with a label, discard asks twice, redo asks twice", {}, async ({ gateway, page }) => {
+  await more(page);
   await page.locator("#label").fill("try-1");
   await item(page, "start").click();
   await until(() => gateway.episode?.label === "try-1", "it runs under its label");
-  await page.getByText("● recording").waitFor();
+  await page.locator("#chips").getByText("● Recording 0:00").waitFor();
+  await more(page);
   await item(page, "discard").click();
   await page.getByText("Discard: press again").waitFor();
   assert.ok(gateway.episode);
@@ -181,6 +231,8 @@ on("settings persist, are saved to a file and are validated when loaded", {}, as
   await page.locator("#drive:not([hidden])").waitFor();
   assert.equal(await page.evaluate(() => document.documentElement.dataset.theme), "dark");
   await item(page, "settings").click();
+  // A pointer that rests on the button would press it again.
+  await page.mouse.move(4, 400);
   assert.equal(await item(page, "preset:dwell").getAttribute("aria-pressed"), "true");
   await item(page, "preset:keyboard").click();
   await page.locator("#settings_file").setInputFiles(await download.path());

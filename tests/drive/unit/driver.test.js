@@ -205,3 +205,38 @@ test("a clutch sends its motion and has one epoch", () => {
   driver.set("vr", axes, "vr", 66, { mode: "stream" });
   assert.deepEqual(kinds(frames(driver, 66, 150)), ["drive", "drive", "drive"]);
 });
+
+test("a press while nobody drives asks for control, and acts only while it is held", () => {
+  for (const held of [true, false]) {
+    const driver = new Driver();
+    driver.locked("nobody drives", "free", false, 0);
+    assert.equal(driver.press("key:w", "chair.forward", "keyboard", 100), "refused");
+    assert.equal(driver.controlWanted, true);
+    assert.ok(!frames(driver, 100, 300).some(moving), "before control is granted nothing moves");
+    if (!held) driver.release("key:w");
+    driver.locked("", "", false, 300);
+    assert.equal(frames(driver, 300, 500).some(moving), held);
+  }
+});
+
+test("a step that asked for control is taken once, and not after a stop or a long wait", () => {
+  const steps = (between, granted) => {
+    const driver = new Driver();
+    driver.locked("nobody drives", "free", false, 0);
+    driver.step("hand.up", "switch", 100);
+    between(driver);
+    driver.locked("", "", false, granted);
+    return kinds(frames(driver, granted, granted + 500)).filter((kind) => kind === "step").length;
+  };
+  assert.equal(steps(() => {}, 400), 1);
+  assert.equal(steps((driver) => driver.stop("person", "switch"), 400), 0);
+  assert.equal(steps((driver) => driver.guard("blur", ""), 400), 0);
+  assert.equal(steps(() => {}, 9000), 0);
+});
+
+test("a press while another person drives asks for nothing", () => {
+  const driver = new Driver();
+  driver.locked("ben is in control", "guard", false, 0);
+  driver.press("key:w", "chair.forward", "keyboard", 100);
+  assert.equal(driver.controlWanted, false);
+});

@@ -74,9 +74,11 @@ test("driving is allowed only with right, lease, lanes, link and a live image", 
   assert.equal(check(good(), { lanes: 1 }).reason, "");
   const no = [[null], [good(), { silenceMs: 5000 }], [good(), { role: "viewer" }], [good(), { lanes: 0 }], [good(), { hidden: true }],
     [{ ...good(), link: "lost" }], [{ ...good(), lease: { mine: false, holder: "ben" } }], [good(), { away: true }],
-    [{ ...good(), paused: true }], [{ ...good(), control: { allow: "stop", why: "" } }], [good(), { frozenMs: 1001 }]];
+    [{ ...good(), paused: true }], [good(), { alarm: true }], [{ ...good(), control: { allow: "stop", why: "" } }], [good(), { frozenMs: 1001 }]];
   for (const [s, more] of no) assert.notEqual(check(s, more).reason, "", JSON.stringify([s, more]));
   assert.equal(check({ ...good(), control: { allow: "steps" } }).stepsOnly, true);
+  assert.equal(check({ ...good(), lease: { mine: false, holder: "" } }).why, "free");
+  assert.notEqual(check({ ...good(), lease: { mine: false, holder: "ben" } }).why, "free");
   assert.equal(check(good(), { frozenMs: 1001 }).why, "frozen");
 });
 

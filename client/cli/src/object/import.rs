@@ -20,7 +20,7 @@ use crate::home_report::store;
 /// Arguments of `wheelarm object import`.
 #[derive(Args, Debug)]
 pub struct ImportArgs {
-    /// Mesh: .glb, .gltf, .obj, .stl or .dae.
+    /// Mesh: .glb, .gltf, .obj, .stl, .msh, .dae, or a body in .urdf or MJCF (.xml).
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Category, one of assets/categories.toml: mug, bottle, can, box, …

@@ -13,8 +13,8 @@ use clap::Subcommand;
 pub enum ObjectCommand {
     /// Imports a mesh as an object of a pack, with collision shapes, mass and grasps.
     ///
-    /// Reads GLB, glTF, OBJ with MTL, STL and COLLADA. Prints units, size, mass, shapes, grasps and
-    /// what is unusual. An object of the same name in the pack is replaced.
+    /// Reads GLB, glTF, OBJ with MTL, STL, MSH, COLLADA, URDF and MJCF. Prints units, size, mass,
+    /// shapes, grasps and what is unusual. An object of the same name in the pack is replaced.
     Import(Box<import::ImportArgs>),
     /// Lets the scripted operator lift an object of a pack on a bench, again and again.
     ///

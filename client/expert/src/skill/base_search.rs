@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 
 use nalgebra::{Isometry3, Translation3};
 
-use super::{Now, bring, lift, place};
+use super::{Now, bring, lift, place, tuck};
 use crate::base_placement::{self, BasePlacement};
 use crate::demonstration::adapt;
 use crate::drive::Drive;
@@ -91,6 +91,8 @@ fn wanted(
             let best = [&raised[0][..], &[back]].concat();
             vec![vec![best], raised]
         }
+        // No stop is for both.
+        Goal::Put { region, .. } if tuck::is_far(&now.object(), region) => vec![raised],
         Goal::Put { .. } => {
             let held = candidate.grasp.inv_mul(&now.object());
             let puts = place::candidates(now, &held, candidate);

@@ -81,7 +81,9 @@ impl Navigate {
     }
 
     fn plan(&mut self, now: &mut Now<'_>) -> Step {
-        if self.purpose == Purpose::Put && tuck::is_far(now) {
+        let region = now.goal.region();
+        let is_far = region.is_some_and(|region| tuck::is_far(&now.object(), &region));
+        if self.purpose == Purpose::Put && (is_far || self.is_tucked) {
             return self.plan_with_held(now);
         }
         self.legs += 1;

@@ -12,9 +12,10 @@ use crate::clearance::held_balls;
 use crate::hand::Ball;
 use crate::scene::SceneModel;
 use wheelarm_planning::footprint_check::Outline;
+use wheelarm_planning::obb::Obb;
 
-/// A region further than this from the arm's base is far, metres on the floor plan.
-const FAR: f64 = 1.5;
+/// A region further than this from the object is far, metres on the floor plan.
+const FAR: f64 = 1.8;
 /// Heights above the present one through which the hand may move back, metres, and distances
 /// that it moves back before it rises.
 const UP: [f64; 4] = [0.15, 0.10, 0.05, 0.0];
@@ -24,13 +25,10 @@ const ROOM: f64 = 0.004;
 /// The object leaves its support before obstacles count, metres.
 const OFF: f64 = 0.012;
 
-/// Whether the region of the goal is too far to be reached by a small drive.
-pub(super) fn is_far(now: &Now<'_>) -> bool {
-    let base = now.scene.house_from_base(now.observation).translation;
-    now.goal.region().is_some_and(|region| {
-        let way = region.pose.translation.vector - base.vector;
-        way.xy().norm() > FAR
-    })
+/// Whether an object is too far from a region for one stop, or for a small drive between both.
+pub(super) fn is_far(object: &Isometry3<f64>, region: &Obb) -> bool {
+    let way = region.pose.translation.vector - object.translation.vector;
+    way.xy().norm() > FAR
 }
 
 /// The movement that brings what is held to where the hand is at home; `None` without a free

@@ -155,3 +155,19 @@ fn plate_is_grasped_at_its_rim_and_a_full_one_is_scenery() {
     assert!(kept.iter().any(|grasp| grasp.name == RIM), "{kept:?}");
     assert_eq!(grasps(&plate(0.034)), Vec::new());
 }
+
+#[test]
+fn straight_part_of_a_bottle_is_grasped_before_its_cone() {
+    // As heavy above the cone as below it.
+    let bottle = lathe(&[
+        [0.0, 0.0],
+        [0.024, 0.0],
+        [0.034, 0.110],
+        [0.034, 0.180],
+        [0.0, 0.180],
+    ]);
+    let about = Vec3::new(0.0, 0.0, 0.105);
+    let kept = grasps::sampled(&bottle, &about, &hand(), true).kept;
+    let side = kept.iter().find(|grasp| grasp.name == "side").unwrap();
+    assert!(side.point[2] > 0.112, "{kept:?}");
+}

@@ -4,6 +4,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
+/// Program that serves networks; packages do not contain it.
+const LEARN: &str = "wheelarm-learn";
+
 /// Finds a program beside this one, else on PATH.
 #[must_use]
 pub fn find_program(name: &str) -> Option<PathBuf> {
@@ -46,8 +49,10 @@ pub fn programs_named(prefix: &str) -> Vec<String> {
 /// With the fix when it does not exist.
 pub fn required_program(name: &str) -> anyhow::Result<PathBuf> {
     find_program(name).with_context(|| {
-        format!(
-            "`{name}` is neither beside this program nor on PATH; install all programs of one version (`wheelarm doctor` lists them), or in a checkout: cargo build --release"
-        )
+        let fix = match name {
+            LEARN => "packages do not contain it: build it in a checkout with cargo build --release -p wheelarm-learn",
+            _ => "install all programs of one version (`wheelarm doctor` lists them), or in a checkout: cargo build --release",
+        };
+        format!("`{name}` is neither beside this program nor on PATH; {fix}")
     })
 }

@@ -2,6 +2,7 @@
 
 import { Driver } from "./logic/driver.js";
 import { STICK_MODES } from "./logic/gamepad.js";
+import { MOTIONS } from "./logic/motions.js";
 import { Images, FROZEN_MS } from "./logic/images.js";
 import { movePad, sizePad } from "./logic/profile.js";
 import { rights } from "./logic/rights.js";
@@ -33,7 +34,6 @@ class Page {
     this.codecs = ["jpeg"];
     this.clickDevice = null;
     this.candidates = null;
-    this.lastStep = null;
     this.inForce = false;
     /** Alarms that the person has acknowledged. */
     this.read = new Set();
@@ -64,10 +64,10 @@ class Page {
   }
 
   async begin() {
-    // Content below the images scrolls into view.
+    // Height of the header: the rest of the window belongs to the drive view.
     new ResizeObserver(([{ target }]) => {
-      document.documentElement.style.setProperty("--view", `${target.offsetHeight}px`);
-    }).observe($("view"));
+      document.documentElement.style.setProperty("--top", `${target.offsetHeight}px`);
+    }).observe($("top"));
     this.buttons();
     this.inputs.listen();
     this.applySettings();
@@ -107,15 +107,29 @@ class Page {
     } else if (where === "login") $("user").focus();
     else $("stage").focus({ preventScroll: true });
     this.applySettings();
+    document.body.dataset.where = where;
+    this.drawer(false);
     if (where === "drive") this.setCarer(false);
     window.scrollTo(0, 0);
   }
 
+  /** Opens or closes what is not needed at every moment; the images stay in view. */
+  drawer(on) {
+    $("drawer").hidden = !on;
+    document.body.classList.toggle("more", on);
+    const more = document.querySelector('[data-item="more"]');
+    text(more, on ? "Less" : "More");
+    more.setAttribute("aria-expanded", String(on));
+    more.hidden = this.where !== "drive";
+  }
+
   buttons() {
     $("menu").append(
+      button("more", "More", () => this.drawer($("drawer").hidden), { "aria-controls": "drawer" }),
       button("settings", "Settings", () => this.view(this.where === "settings" ? "drive" : "settings")),
       button("xr", "Headset", () => this.enterXr(), { hidden: true }),
     );
+    $("drawer_buttons").append(button("drawer:close", "Back to driving", () => this.drawer(false), { className: "first" }));
     $("login_buttons").append(
       button("login", "Sign in", () => {}, { type: "submit", className: "first" }),
       button("write:user", "Letters for the name", () => openLetters($("user")), { hidden: true }),
@@ -285,16 +299,30 @@ class Page {
     }
   }
 
+  /** Control, where nobody else drives. Returns whether this page is in control. */
+  async takeControl() {
+    if (this.situation?.lease?.mine) return true;
+    return Boolean((await this.ask("lease.ask"))?.mine);
+  }
+
+  /** Whether driving is off for another reason than that nobody drives. */
+  locked() {
+    return this.driver.lock !== "" && this.driver.lockWhy !== "free";
+  }
+
   async episode(what) {
     this.driver.guard("guard", "");
-    if (what !== "start" && what !== "practise") {
+    if (what === "start" || what === "practise") {
+      if (!(await this.takeControl())) return;
+      this.drawer(false);
+    } else {
       await this.ask(`episode.${what}`);
       return;
     }
     const answer = await this.ask("episode.start", { label: $("label").value.trim(), instruction: $("sentence").value.trim(),
       recorders: what === "practise" ? 0 : 1 });
     if (!answer) return;
-    this.say(answer.practice ? "Practice: nothing is kept" : `Episode ${answer.number} runs: ${answer.label}`, false);
+    this.say(answer.practice ? "Practice: nothing is kept" : `You drive. Recording ${answer.label}`, false);
     $("label").value = "";
     $("sentence").value = "";
   }
@@ -313,11 +341,12 @@ class Page {
   }
 
   async picked(camera, at, u, v) {
-    if (this.driver.lock) {
+    if (this.locked()) {
       this.say(this.driver.lock, true);
       return;
     }
     this.stage.cross = null;
+    if (!(await this.takeControl())) return;
     const answer = await this.ask("pick", { camera, tick: at, u, v });
     this.stage.picking = false;
     if (answer) {
@@ -350,6 +379,7 @@ class Page {
 
   async startGoal(candidate, action) {
     this.closeMenu();
+    if (!(await this.takeControl())) return;
     // From here on any press stops, also before the first situation that contains the goal.
     if (await this.ask("goal.start", { candidate, action })) this.driver.goal = true;
   }
@@ -383,7 +413,8 @@ class Page {
       this.flush();
       return;
     }
-    const element = elementOf(item);
+    // Voice and headset also reach what is in the closed drawer.
+    const element = elementOf(item) || document.querySelector(`#drawer [data-item="${CSS.escape(item)}"]`);
     if (!element || element.disabled) return;
     this.clickDevice = device;
     if (element.tagName === "CANVAS") this.stage.pick(Number(item.split(":")[1]), this.inputs.pointer.u, this.inputs.pointer.v);
@@ -402,9 +433,8 @@ class Page {
       this.flush();
       return;
     }
-    if (phrase.again) phrase = this.lastStep || {};
+    if (phrase.again) phrase = { step: this.driver.last };
     if (phrase.step) {
-      this.lastStep = phrase;
       this.driver.step(phrase.step, "voice", at);
       this.flush();
     } else if (phrase.speed) this.setSpeed(this.driver.speed + phrase.speed);
@@ -441,8 +471,12 @@ class Page {
     const shown = this.stage.shown();
     const frozenMs = shown.length === 0 ? Infinity : this.images.frozenFor(shown, at);
     const right = rights({ s: this.situation, silenceMs: at - this.receivedAt, role: this.role, lanes: this.sockets.lanes(),
-      frozenMs, hidden: document.hidden, away: this.where !== "drive" });
-    this.driver.locked(right.reason, right.why, right.stepsOnly);
+      frozenMs, hidden: document.hidden, away: this.where !== "drive", alarm: this.panels.blocks });
+    this.driver.locked(right.reason, right.why, right.stepsOnly, at);
+    if (this.driver.controlWanted) {
+      this.driver.controlWanted = false;
+      this.takeControl();
+    }
     this.sockets.control(this.driver.frame(at, this.images.shown(shown, at)));
     this.shownFrozen = frozenMs > FROZEN_MS;
     this.draw(at);
@@ -461,21 +495,31 @@ class Page {
       this.drawnFor = this.situation;
       this.pads.show(this.driver.active(), this.driver.latch?.names, this.situation?.blocked || {});
       this.stage.show(at, this.shownFrozen);
-      document.body.classList.toggle("locked", this.driver.lock !== "");
+      document.body.classList.toggle("locked", this.locked());
       $("stop").classList.toggle("inforce", this.inForce);
     } else if (this.stage.cross || this.stage.outline) this.stage.drawOver(at);
+    this.drawAgain();
     this.inputs.frameShown();
     this.inputs.ring(at);
+  }
+
+  /** The newest step, to be repeated with one press; where presses are steps. */
+  drawAgain() {
+    const last = this.settings.mode === "step" && this.role !== "viewer" ? this.driver.last : null;
+    children($("again"), last || "", () => (last ? [button("again", `Again: ${MOTIONS[last].words}`, () => {
+      this.driver.step(last, this.clickDevice || "mouse", now());
+      this.flush();
+    })] : []));
   }
 
   slow(at) {
     const { lock } = this.driver;
     if (this.where === "drive") {
       text($("alarm"), this.situation && at - this.receivedAt > 1500 ? "The gateway does not answer: everything stops by itself."
-        : this.shownFrozen && this.situation && !this.situation.paused && this.stage.figures.size > 0 ? "The image is not live: only STOP works." : "");
+        : this.shownFrozen && this.situation && !this.situation.paused && this.images.painted.size > 0 ? "The image is not live: only STOP works." : "");
     } else text($("alarm"), "");
     if (at - (this.saidAt ?? -Infinity) > 6000) {
-      text($("hint"), this.resting() || (this.where === "drive" && this.situation ? lock : ""));
+      text($("hint"), this.resting());
       $("hint").className = "";
     }
     if (this.situation && this.confirmation.pending) {
@@ -484,7 +528,7 @@ class Page {
     }
     this.stage.show(at, Boolean(this.shownFrozen));
     text($("keys_state"), this.keysState());
-    $("keys_state").classList.toggle("important", lock !== "" || this.settings.scan.on || this.inputs.gamepads.pads.size > 0);
+    $("keys_state").classList.toggle("important", lock !== "" || Boolean(this.situation?.goal) || this.settings.scan.on || this.inputs.gamepads.pads.size > 0);
   }
 
   /** Instruction while scanning rests, or "". */
@@ -506,7 +550,7 @@ class Page {
   keysState() {
     const { settings, driver } = this;
     if (this.situation?.goal) return "The robot moves on its own: any press stops it.";
-    if (driver.lock) return `Driving is off: ${driver.lock}.`;
+    if (driver.lock) return this.locked() ? `Driving is off: ${driver.lock}.` : `${driver.lock}.`;
     // The hint beside STOP names the key to press.
     if (settings.scan.on) return this.resting() ? "" : "Scanning.";
     if (this.inputs.gamepads.pads.size > 0) return `Stick: ${STICK_MODES[this.inputs.gamepads.mode].label}`;

@@ -39,6 +39,8 @@ pub struct Options {
     pub audit: Option<PathBuf>,
     /// Folder of the page's files, for development of the page.
     pub files: Option<PathBuf>,
+    /// Folder of a recorder on this host: pages show the size of the recording.
+    pub recordings: Option<PathBuf>,
     /// Folder of keys and users: enables TLS and password login. Without it only this host
     /// gets access, by a token.
     pub keys: Option<PathBuf>,
@@ -112,7 +114,7 @@ impl Gateway {
             visitor(&options.commander, Role::Operator),
             visitor("viewer", Role::Viewer),
         ];
-        let (hub, thread) = Hub::start(&options.connect, audit);
+        let (hub, thread) = Hub::start(&options.connect, audit, options.recordings.clone());
         let shared = Arc::new(Shared {
             feeds: Feeds::new(hub.client.clone()),
             hub: hub.clone(),

@@ -6,7 +6,8 @@
 //! bounded; behind it [`ServerConnection`] drops the oldest.
 
 use std::collections::BTreeMap;
-use std::time::{Duration, Instant};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant, SystemTime};
 
 use crossbeam_channel::{Receiver, Select, Sender, bounded, unbounded};
 use tokio::sync::{mpsc, oneshot, watch as latest};
@@ -41,6 +42,8 @@ const STREAMS: [TopicId; 12] = [
 ];
 /// Time between two reports to the pages.
 const REPORT: Duration = Duration::from_millis(100);
+/// Reports between two readings of the size of the recording.
+const SIZES: u64 = 10;
 /// Time between two checks for due work: while motion is active, and otherwise.
 const LOOK: [Duration; 2] = [Duration::from_millis(10), Duration::from_millis(50)];
 /// Events of the server that may wait.
@@ -181,7 +184,11 @@ pub struct Hub {
 impl Hub {
     /// Starts the thread.
     #[must_use]
-    pub fn start(connect: &Connect, audit: Audit) -> (Self, std::thread::JoinHandle<()>) {
+    pub fn start(
+        connect: &Connect,
+        audit: Audit,
+        recordings: Option<PathBuf>,
+    ) -> (Self, std::thread::JoinHandle<()>) {
         let (lanes, queues) = Queues::lanes();
         let (client, client_of) = latest::channel(None);
         let (cameras, cameras_of) = latest::channel(Vec::new());
@@ -200,6 +207,7 @@ impl Hub {
             audit,
             began: Instant::now(),
             reports: 0,
+            recordings,
         };
         let server = lanes.server.clone();
         let connection =
@@ -241,6 +249,7 @@ struct Work {
     audit: Audit,
     began: Instant,
     reports: u64,
+    recordings: Option<PathBuf>,
 }
 
 impl Work {
@@ -485,6 +494,9 @@ impl Work {
     fn report(&mut self) {
         let now = self.now();
         self.reports += 1;
+        if self.reports.is_multiple_of(SIZES) {
+            self.model.recorded_bytes = self.recordings.as_deref().and_then(newest_log);
+        }
         let common = report::common(&self.model, self.reports, now);
         for (page, outlet) in &self.outlets {
             let sent = self.sent.get(page).map_or(&[][..], Vec::as_slice);
@@ -503,6 +515,16 @@ impl Work {
             commands.finish();
         }
     }
+}
+
+/// Size of the log in this folder that was written last, bytes: that of the running
+/// episode.
+fn newest_log(folder: &Path) -> Option<u64> {
+    let entries = std::fs::read_dir(folder).ok()?.flatten();
+    let logs = entries.filter(|entry| entry.path().extension().is_some_and(|end| end == "wal"));
+    let metadata = logs.filter_map(|entry| entry.metadata().ok());
+    let written = |file: &std::fs::Metadata| file.modified().unwrap_or(SystemTime::UNIX_EPOCH);
+    metadata.max_by_key(written).map(|file| file.len())
 }
 
 #[cfg(test)]

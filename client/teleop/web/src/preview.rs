@@ -45,6 +45,7 @@ pub fn open(runtime: &Runtime, connect: &Connect, args: &PreviewArgs) -> anyhow:
         commander: "viewer".to_owned(),
         audit: None,
         files: None,
+        recordings: None,
         keys: args.keys.clone(),
         names: args.host.clone(),
         watch_only: true,

@@ -459,7 +459,7 @@ pub enum RequestKind {
     GoalStart {
         /// Candidate of a pick.
         candidate: String,
-        /// `near`, `take` or `put`.
+        /// `near`, `take`, `put`, or `turn` for the candidate `task`.
         action: String,
     },
     /// Ends the skill.

@@ -56,6 +56,7 @@ pub fn common(model: &Model, number: u64, time: f64) -> Map<String, Value> {
         })),
         "alarms": situation.alarms(),
         "recorders": status.map(|s| s.recorders.iter().map(recorder).collect::<Vec<_>>()),
+        "recorded_bytes": situation.episode().and(model.recorded_bytes),
         "evaluation": evaluation.map(|e| json!({
             "success": e.success,
             "failure": e.failure,

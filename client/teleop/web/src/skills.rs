@@ -27,6 +27,14 @@ const SILENCE: Duration = Duration::from_secs(3);
 const LOOK: Duration = Duration::from_millis(50);
 /// A placed object is within this distance of the point, m: half sides of a box.
 const PLACE: [f64; 3] = [0.05, 0.05, 0.10];
+/// The chair faces the object within this angle, rad.
+const FACES: f64 = 0.03;
+/// Greatest turn rate towards the object, rad/s.
+const TURN: f64 = 0.5;
+/// Turn rate per angle that is left, 1/s.
+const TURN_GAIN: f64 = 1.5;
+/// A turn that takes longer is blocked, s of simulation time: half a turn takes 8.
+const TURN_LONGEST: f64 = 20.0;
 /// An object this near to the middle of the pads counts as held, m.
 const IN_HAND: f64 = 0.12;
 
@@ -100,6 +108,8 @@ fn work(
     let mut collector = Collector::new(roles);
     let mut reach = RemoteReach::new(client);
     let mut operator: Option<Operator> = None;
+    let object = reply.objects.iter().position(|name| *name == reply.target);
+    let mut turn: Option<Turn> = None;
     let (mut last_sample, mut answered) = (Instant::now(), None);
     while !ended.load(Ordering::Acquire) {
         let Some(sample) = streams.next(LOOK).map_err(|e| e.to_string())? else {
@@ -123,6 +133,24 @@ fn work(
         let Some(observation) = observed.map_err(|e| e.to_string())? else {
             continue;
         };
+        if request.action == "turn" {
+            let turn = match &mut turn {
+                Some(turn) => turn,
+                none => none.insert(Turn::new(object, &observation)?),
+            };
+            let (command, outcome) = turn.step(&observation);
+            answered = Some(header.tick);
+            send(SkillEvent::Acts {
+                number: request.number,
+                header: Box::new(header),
+                command: Box::new(command),
+                notes: Vec::new(),
+            });
+            match outcome {
+                Some(result) => return result.map(|()| "done: the chair faces the object".into()),
+                None => continue,
+            }
+        }
         let operator = match &mut operator {
             Some(operator) => operator,
             none => none.insert(begin(request, &scene, &observation)?),
@@ -146,6 +174,60 @@ fn work(
         }
     }
     Err("ended".to_owned())
+}
+
+/// Turns the chair on the spot until it faces the object of the task.
+struct Turn {
+    object: usize,
+    /// When it began, s of simulation time.
+    began: f64,
+}
+
+impl Turn {
+    fn new(object: Option<usize>, observation: &Observation) -> Result<Self, String> {
+        let object = object.filter(|index| *index < observation.objects.len());
+        let object = object.ok_or("this task has no object to turn to: turn by hand")?;
+        Ok(Self {
+            object,
+            began: observation.time,
+        })
+    }
+
+    /// The command of a control tick, and the result at the end.
+    fn step(&self, observation: &Observation) -> (v1::Command, Option<Result<(), String>>) {
+        let place = observation.objects[self.object].translation.vector;
+        let left = bearing(&observation.house_from_chair, &place);
+        let [_, turn_rate] = observation.chair_speed;
+        let faces = left.abs() < FACES;
+        let angular = match faces {
+            true => 0.0,
+            false => (TURN_GAIN * left).clamp(-TURN, TURN),
+        };
+        let outcome = match observation.time - self.began > TURN_LONGEST {
+            _ if faces && turn_rate.abs() < FACES => Some(Ok(())),
+            true => Some(Err(
+                "the chair cannot turn further: something is in its way".to_owned(),
+            )),
+            false => None,
+        };
+        let command = v1::Command {
+            base: Some(v1::BaseCommand {
+                linear: 0.0,
+                angular,
+            }),
+            phase: v1::Phase::Navigating.into(),
+            phase_name: "turn".to_owned(),
+            device: v1::Device::Script.into(),
+            ..v1::Command::default()
+        };
+        (command, outcome)
+    }
+}
+
+/// Angle from the chair's forward axis to a place on the floor, rad, left positive.
+fn bearing(house_from_chair: &Isometry3<f64>, place: &Vector3<f64>) -> f64 {
+    let away = house_from_chair.inverse() * Point3::from(*place);
+    away.y.atan2(away.x)
 }
 
 fn words(request: &GoalRequest) -> String {
@@ -200,4 +282,24 @@ fn held(scene: &SceneModel, observation: &Observation) -> Option<usize> {
     nearest
         .filter(|(_, pose)| away(pose) < IN_HAND)
         .map(|(index, _)| index)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bearing_is_positive_to_the_left_of_the_chair() {
+        let quarter = std::f64::consts::FRAC_PI_2;
+        let chair = Isometry3::new(Vector3::new(1.0, 2.0, 0.0), Vector3::z() * quarter);
+        // The chair faces +y: +y is ahead, -x is left, -y is behind.
+        for (place, expected) in [
+            ([1.0, 5.0, 0.7], 0.0),
+            ([-3.0, 2.0, 0.7], quarter),
+            ([4.0, 2.0, 0.7], -quarter),
+        ] {
+            let got = bearing(&chair, &Vector3::from(place));
+            assert!((got - expected).abs() < 1e-9, "{place:?}: {got}");
+        }
+    }
 }

@@ -259,7 +259,7 @@ impl Search<'_> {
             let place = HandPlace::from_tool(&(base_from_house * tool), 0.0);
             self.robot.reach.reaches(&place)
         };
-        // The pose before the handle may be nearer than the arm takes things.
+        // The pose before the handle may be nearer to the arm than a grasp.
         let before = usize::from(self.by_geometry);
         let (first, others) = poses.split_at(1);
         if !first.iter().chain(&others[before..]).all(reaches) {

@@ -21,6 +21,8 @@ const STEP_MS = 150;
 const STEP_OVER_MS = 400;
 /** A step is over after this in any case, ms. */
 const STEP_LONGEST_MS = 4000;
+/** A press that asked for control acts when control is granted within this time, ms. */
+const GRANT_MS = 3000;
 /** Devices whose press also stops a step that is under way. */
 const SLOW_DEVICES = ["switch", "dwell", "voice"];
 
@@ -31,6 +33,14 @@ export class Driver {
     this.epoch = 0;
     /** Why driving is not allowed, in words, or "". */
     this.lock = "not connected";
+    /** Kind of that reason; "free": nobody drives, and a press asks for control. */
+    this.lockWhy = "";
+    /** A press asks for control; the page sends the request. */
+    this.controlWanted = false;
+    this.askedAt = -Infinity;
+    this.waitingStep = null;
+    /** The newest step, to repeat it. */
+    this.last = null;
     /** Only steps and goals are allowed. */
     this.stepsOnly = false;
     this.goal = false;
@@ -63,8 +73,9 @@ export class Driver {
     }
     if (this.sources.has(id)) return this.sources.get(id).dead ? "refused" : "drive";
     const refused = this.refusal(false);
-    this.sources.set(id, { axes: axesOf(names), device, mode: "hold", dead: refused !== "" });
-    if (refused) this.tell(refused, true);
+    const waits = refused !== "" && this.asksControl(now);
+    this.sources.set(id, { axes: axesOf(names), device, mode: "hold", dead: refused !== "", waits });
+    if (refused && !waits) this.tell(refused, true);
     return refused ? "refused" : "drive";
   }
 
@@ -81,11 +92,12 @@ export class Driver {
     }
     let dead = this.intercept(device, now);
     const refused = dead ? "" : this.refusal(false);
+    const waits = refused !== "" && this.asksControl(now);
     if (refused) {
-      this.tell(refused, true);
+      if (!waits) this.tell(refused, true);
       dead = true;
     }
-    this.sources.set(id, { axes, device, mode: more.mode || "hold", dead, clutch: more.clutch });
+    this.sources.set(id, { axes, device, mode: more.mode || "hold", dead, waits, clutch: more.clutch });
   }
 
   /** A direction is released. */
@@ -98,7 +110,7 @@ export class Driver {
     if (this.intercept(device, now)) return "stop";
     const refused = this.refusal(false);
     if (refused) {
-      this.tell(refused, true);
+      if (!this.asksControl(now)) this.tell(refused, true);
       return "refused";
     }
     this.latch = { names, device, until: now + LATCH_MS };
@@ -120,12 +132,14 @@ export class Driver {
     if (this.intercept(device, now)) return "stop";
     const refused = this.refusal(true) || (this.anything() ? "let go first" : "");
     if (refused) {
-      this.tell(refused, true);
+      if (this.asksControl(now)) this.waitingStep = { name, device };
+      else this.tell(refused, true);
       return "refused";
     }
     if (now - this.stepAt < STEP_MS) return "refused";
     const { part, axis, sign } = MOTIONS[name];
     this.pendingStep = { part, axis, sign, device, name };
+    this.last = name;
     this.stepAt = now;
     this.robotMoved = false;
     return "step";
@@ -155,6 +169,7 @@ export class Driver {
 
   /** A problem (a device was lost, a refusal, a contact): everything is released. */
   guard(why, text) {
+    this.forgetWaiting();
     const was = this.anything() || this.goal || this.pendingStep !== null;
     if (!was) return;
     this.stop(why, null);
@@ -177,14 +192,20 @@ export class Driver {
     if (now - this.stepAt > STEP_LONGEST_MS) this.stepAt = -Infinity;
   }
 
-  /** Whether driving is allowed; a reason locks it, and stops all motion. */
-  locked(reason, why, stepsOnly) {
+  /**
+   * Whether driving is allowed at `now`; a reason locks it, and stops all motion. When
+   * control was granted, the press that asked for it acts: the person still holds it.
+   */
+  locked(reason, why, stepsOnly, now = 0) {
     if (reason && !this.lock) this.guard(why, reason);
     if (stepsOnly && !this.stepsOnly && this.anything()) {
       this.guard("frozen", "The image is too old: only steps and goals");
     }
     this.lock = reason;
+    this.lockWhy = reason ? why : "";
     this.stepsOnly = stepsOnly;
+    if (now - this.askedAt > GRANT_MS) this.forgetWaiting();
+    else if (!reason) this.act(now);
   }
 
   // Messages to send
@@ -261,6 +282,29 @@ export class Driver {
     return this.robotMoved ? this.robotMoving : since < STEP_OVER_MS;
   }
 
+  /** Whether a press that is refused asks for control instead: nobody drives. */
+  asksControl(now) {
+    if (this.lockWhy !== "free") return false;
+    this.controlWanted = true;
+    this.askedAt = now;
+    return true;
+  }
+
+  /** Control is granted: the press that asked for it acts. */
+  act(now) {
+    const step = this.waitingStep;
+    for (const held of this.sources.values()) {
+      if (held.waits && !this.stepsOnly) held.dead = false;
+    }
+    this.forgetWaiting();
+    if (step) this.step(step.name, step.device, now);
+  }
+
+  forgetWaiting() {
+    for (const held of this.sources.values()) held.waits = false;
+    this.waitingStep = null;
+  }
+
   axes() {
     const parts = [];
     let source = null;
@@ -279,6 +323,7 @@ export class Driver {
   }
 
   kill() {
+    this.forgetWaiting();
     for (const held of this.sources.values()) held.dead = true;
     this.latch = null;
     this.pendingStep = null;

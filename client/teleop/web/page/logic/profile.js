@@ -33,7 +33,7 @@ export const PRESETS = {
   keyboard: { label: "Keyboard", words: "Keys drive while they are held.", change: {} },
   touch: {
     label: "Touch screen or mouse", words: "Buttons drive while they are held.",
-    change: { pads: BASE.pads.map((pad) => ({ ...pad, size: 88 })) },
+    change: { pads: BASE.pads.map((pad) => ({ ...pad, size: 84 })) },
   },
   gamepad: {
     label: "Gamepad or joystick", words: "A stick drives; one button goes on, one stops.",

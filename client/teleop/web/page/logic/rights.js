@@ -7,7 +7,7 @@ const SILENT_MS = 1500;
  * Why driving is not allowed: {reason, why, stepsOnly}; an empty reason when it is.
  * `s` is the newest situation or null; `frozenMs` the age of the oldest painted image.
  */
-export function rights({ s, silenceMs, role, lanes, frozenMs, hidden, away }) {
+export function rights({ s, silenceMs, role, lanes, frozenMs, hidden, away, alarm = false }) {
   const no = (reason, why = "guard") => ({ reason, why, stepsOnly: false });
   if (!s || silenceMs > SILENT_MS) return no("The gateway does not answer");
   if (role === "viewer") return no("You are watching: this name may not drive");
@@ -15,9 +15,10 @@ export function rights({ s, silenceMs, role, lanes, frozenMs, hidden, away }) {
   if (hidden) return no("The page is hidden", "hidden");
   if (s.link !== "open") return no("The gateway has no connection to the robot");
   if (!s.lease?.mine) {
-    return no(s.lease?.holder ? `${s.lease.holder} is in control` : "Control is free: ask for it");
+    return s.lease?.holder ? no(`${s.lease.holder} is in control`) : no("Nobody drives yet: the first press takes control", "free");
   }
   if (away) return no("Driving is off while the settings are open");
+  if (alarm) return no("Read the alarm first");
   if (s.paused) return no("Time is paused");
   if (s.control?.allow === "stop") return no(s.control.why || "Only STOP is allowed now", "frozen");
   if (frozenMs > 1000) return no("The image is frozen: only STOP", "frozen");

@@ -13,8 +13,8 @@ const PHRASES = {
   "open gripper": { step: "grip.open" }, "close gripper": { step: "grip.close" },
   again: { again: true },
   slower: { speed: -1 }, faster: { speed: 1 },
-  "go near": { menu: "near" }, "take it": { menu: "take" }, "put here": { menu: "put" }, cancel: { menu: "cancel" },
-  "read aloud": { press: "read" }, "start episode": { press: "start" }, "finish episode": { press: "finish" },
+  "go near": { menu: "near" }, "take it": { menu: "take" }, "put here": { menu: "put" }, "turn to it": { menu: "turn" }, cancel: { menu: "cancel" },
+  "read aloud": { press: "read" }, "start driving": { press: "start" }, "finish episode": { press: "finish" },
 };
 
 /** Frequent recognition errors of words of the grammar. */

@@ -38,8 +38,8 @@ export function takesKeys(element) {
 }
 
 /** Order of the rows for scanning; rows that are not listed are last. */
-const ORDER = ["Alarm", "Letters", "Choose in the image", "Pads", "Chair", "Hand", "Turn hand", "Gripper", "Speed", "Voice",
-  "Episode", "Control", "Instruction"];
+const ORDER = ["Alarm", "Letters", "Drawer", "Start", "Again", "Object", "Pads", "Chair", "Hand", "Turn hand", "Gripper", "Voice",
+  "Finish", "Speed", "How buttons drive", "Episode", "Control", "Instruction"];
 const rank = (row) => {
   const at = ORDER.indexOf(row.dataset.row);
   return at < 0 ? ORDER.length : at;

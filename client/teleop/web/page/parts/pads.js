@@ -130,13 +130,18 @@ export class Pads {
     this.tab = name;
     const tabs = this.tabbed();
     $("tabs").hidden = !tabs;
+    $("driving").classList.toggle("tabbed", tabs);
     for (const pad of document.querySelectorAll(".pad")) pad.hidden = tabs && pad.dataset.pad !== name;
     for (const one of $("tabs").children) one.setAttribute("aria-pressed", String(one.dataset.item === `tab:${name}`));
   }
 
   tabbed() {
-    const { tabs } = this.app.settings;
-    return tabs === "always" || (tabs === "narrow" && window.innerWidth < 720);
+    const { tabs, pads } = this.app.settings;
+    if (tabs !== "narrow") return tabs === "always";
+    // One pad at a time where they do not fit beside each other.
+    const shown = pads.filter((pad) => !pad.hidden);
+    const wide = shown.reduce((sum, { name, size }) => sum + PADS[name].rows[0].length * (size + 8) + 12, -20);
+    return wide > ($("driving").clientWidth || window.innerWidth);
   }
 
   /** Marks the chosen speed and mode. */

@@ -23,7 +23,10 @@ export class Stage {
     const key = JSON.stringify(list.map((camera) => [camera.index, camera.name]));
     if (key === this.key) return;
     this.key = key;
-    for (const { figure } of this.figures.values()) figure.remove();
+    for (const { figure, line } of this.figures.values()) {
+      figure.remove();
+      line.remove();
+    }
     this.figures.clear();
     for (const camera of list) this.figures.set(camera.index, this.figure(camera));
     $("nothing").hidden = list.length > 0;
@@ -36,23 +39,24 @@ export class Stage {
     const canvas = h("canvas", { width: 640, height: 360, role: "img", "aria-label": title });
     const over = h("canvas", { className: "over", width: 640, height: 360, "aria-hidden": "true" });
     const figures = h("span", { className: "figures quiet" }, "");
-    const larger = button(`enlarge:${index}`, "Larger", () => {
+    const larger = button(`enlarge:${index}`, "", () => {
       this.large = this.large === index ? null : index;
       this.arrange();
-    }, { "aria-label": `Larger: ${title}` });
-    const hide = button(`camera:${index}`, "Hide", () => {
+    });
+    const hide = button(`camera:${index}`, "", () => {
       if (this.off.has(index)) this.off.delete(index);
       else if (this.shown().length > 1) this.off.add(index);
       this.arrange();
-    }, { "aria-label": `Hide: ${title}` });
-    const row = h("div", { className: "buttons", "data-row": title }, larger, hide);
-    const figure = h("figure", {}, canvas, over, h("figcaption", {}, h("span", {}, title), figures, row));
+    });
+    const line = h("li", {}, h("span", {}, `${title} `), figures, h("div", { className: "buttons", "data-row": title }, larger, hide));
+    const figure = h("figure", {}, canvas, over, h("figcaption", {}, title));
     canvas.addEventListener("click", (event) => {
       const box = canvas.getBoundingClientRect();
       this.pick(index, (event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height);
     });
     $("stage").append(figure);
-    return { figure, canvas, over, figures, larger, hide, title, context: canvas.getContext("2d") };
+    $("cameras").append(line);
+    return { figure, line, canvas, over, figures, larger, hide, title, context: canvas.getContext("2d") };
   }
 
   /** The cameras that are shown, by index. */
@@ -72,12 +76,12 @@ export class Stage {
 
   arrange() {
     const stage = $("stage");
-    stage.classList.toggle("enlarged", this.large !== null);
-    for (const [index, { figure, larger, hide, canvas, over, title }] of this.figures) {
+    stage.classList.toggle("enlarged", this.large !== null && this.shown().length > 1);
+    stage.dataset.count = String(this.shown().length);
+    for (const [index, { figure, larger, hide, title }] of this.figures) {
       const large = this.large === index;
       figure.classList.toggle("large", large);
-      canvas.hidden = this.off.has(index);
-      over.hidden = this.off.has(index);
+      figure.hidden = this.off.has(index);
       text(larger, large ? "Smaller" : "Larger");
       larger.setAttribute("aria-label", `${large ? "Smaller" : "Larger"}: ${title}`);
       const off = this.off.has(index);
@@ -130,6 +134,7 @@ export class Stage {
       this.large = camera;
       this.arrange();
     }
+    // Only where the page scrolls: a narrow window, or 400 % zoom.
     this.figures.get(camera).figure.scrollIntoView({ block: "nearest" });
   }
 

@@ -2,6 +2,7 @@
 // and buttons to point at, so that the headset can stay on between episodes.
 
 import { loopAge } from "../logic/rights.js";
+import { recording } from "../logic/words.js";
 
 const SIZE = [1200, 400];
 const BUTTONS = { y: 290, height: 90, gap: 16 };
@@ -21,10 +22,11 @@ export class Hud {
     const { situation: s, confirmation } = this.app;
     const asks = confirmation.asks(this.app.now());
     const again = (what, words) => [what, asks === what ? "again?" : words];
-    if (!s?.lease?.mine) return [["ask", "Ask for control"], ["leave", "Leave"]];
+    // While control is free, starting takes it.
+    if (!s?.lease?.mine && (s?.lease?.holder || s?.episode)) return [["ask", "Ask for control"], ["leave", "Leave"]];
     const alarms = this.app.panels.alarmed.length > 0 ? [["alarm:0", "I have read this"]] : [];
     return s.episode ? [...alarms, ["finish", "Finish"], again("discard", "Discard"), again("redo", "Redo"), ["read", "Read"], ["leave", "Leave"]]
-      : [...alarms, ["start", "Start episode"], ["practise", "Practise"], ["read", "Read"], ["leave", "Leave"]];
+      : [...alarms, ["start", "Start driving"], ["practise", "Practise"], ["read", "Read"], ["leave", "Leave"]];
   }
 
   /** The item at a point, or null. */
@@ -46,10 +48,8 @@ export class Hud {
     context.font = "bold 52px system-ui, sans-serif";
     this.wrapped(context, alarm || s?.episode?.instruction || s?.scenario?.instruction || "", 30, 62, SIZE[0] - 60, 58);
     context.font = "36px system-ui, sans-serif";
-    const recording = (s?.recorders || []).some((one) => one.state === "ready");
-    context.fillText([`loop ${loopAge(s?.control).text}`, s?.episode ? `episode ${s.episode.number}, ${Math.round(s.episode.seconds)} s` : "no episode",
-      !s?.episode ? "" : s.episode.practice ? "practice" : recording ? "● recording" : "NOT RECORDED"].filter(Boolean).join("    "), 30, 190);
-    context.fillStyle = driver.lock || inForce ? "#ff9c96" : "#7fdca0";
+    context.fillText([s ? recording(s).text : "", `image ${loopAge(s?.control).text}`].filter(Boolean).join("    "), 30, 190);
+    context.fillStyle = this.app.locked() || inForce ? "#ff9c96" : "#7fdca0";
     context.fillText(driver.lock || (inForce ? "STOPPED: squeeze again" : "Squeeze: hand.  Stick: chair.  Trigger closes, B opens.  A: STOP"), 30, 248);
     this.drawButtons(context, ray);
     return this.made;

@@ -15,6 +15,8 @@ const CHOICES: usize = 64;
 /// Graspable objects are searched within this share of the image's width: 48 of 640
 /// pixels.
 const SNAP: f64 = 0.075;
+/// Candidate that names the object of the task, wherever it is; its one action is `turn`.
+const TASK_OBJECT: &str = "task";
 /// An object counts as held when both pads press more than this, N.
 const HELD: f64 = 1.0;
 
@@ -49,7 +51,7 @@ pub struct GoalRequest {
     pub number: u64,
     /// Body.
     pub body: String,
-    /// `near`, `take` or `put`.
+    /// `near`, `take`, `put` or `turn`.
     pub action: &'static str,
     /// Target point, in `house`, m.
     pub point: [f64; 3],
@@ -64,7 +66,7 @@ pub struct Goal {
     pub page: String,
     /// Body.
     pub body: String,
-    /// `near`, `take` or `put`.
+    /// `near`, `take`, `put` or `turn`.
     pub action: &'static str,
     /// Current stage.
     pub stage: String,
@@ -185,7 +187,15 @@ impl Model {
         action: &str,
         time: f64,
     ) -> Result<(Vec<Effect>, u64), String> {
-        let known = self.candidates.get(candidate).cloned();
+        let known = match candidate {
+            TASK_OBJECT => Some(Candidate {
+                body: "object of the task".to_owned(),
+                point: [0.0; 3],
+                actions: vec!["turn"],
+                until: f64::INFINITY,
+            }),
+            candidate => self.candidates.get(candidate).cloned(),
+        };
         let chosen = known.ok_or("this choice has expired: point at the object again")?;
         let action = chosen.actions.iter().find(|known| **known == action);
         let action = *action.ok_or("this cannot be done with it")?;

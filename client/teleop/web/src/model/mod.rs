@@ -115,6 +115,8 @@ pub struct Model {
     /// Skills that were begun (count).
     goals: u64,
     picks: u64,
+    /// Size of the running recording on this host, bytes, where it is known.
+    pub(crate) recorded_bytes: Option<u64>,
     robot: Option<v1::RobotDescription>,
     /// Commands sent since control was granted (count).
     sent: u64,

@@ -1,0 +1,15 @@
+#!/usr/bin/env bash
+# The compiler of `make test` (RUSTC_WRAPPER): compiles tests without optimisation, except
+# those of packages that compute much. Programs and libraries are compiled as always, and a
+# later `make demo` uses them. docs/results/build-time.md has the times.
+set -euo pipefail
+case " $* " in
+*" --test "*) ;;
+*) exec "$@" ;;
+esac
+case " $* " in
+*" --crate-name wheelarm_server "* | *" --crate-name wheelarm_import "* | *" --crate-name wheelarm_language "* | \
+    *" --crate-name wheelarm_planning "* | *" --crate-name wheelarm_expert "* | *" --crate-name wheelarm_sensor_models "* | \
+    *" --crate-name wheelarm_codec "*) exec "$@" ;;
+esac
+exec "${@/#opt-level=*/opt-level=0}"
