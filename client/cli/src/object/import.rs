@@ -28,6 +28,9 @@ pub struct ImportArgs {
     /// Noun of the object in sentences, after its color; by default that of the category.
     #[arg(long, value_name = "TEXT")]
     noun: Option<String>,
+    /// Color of the object in one word; by default that of its largest part.
+    #[arg(long, alias = "colour", value_name = "WORD")]
+    color: Option<String>,
     /// Name of the object; by default from the name of the file.
     #[arg(long)]
     name: Option<String>,
@@ -88,6 +91,7 @@ pub fn run(args: &ImportArgs) -> anyhow::Result<String> {
         name: name.clone(),
         category: args.category.clone(),
         noun: args.noun.clone(),
+        colour: args.color.clone(),
         size: SizeOptions {
             size: args.size,
             scale: args.scale,
