@@ -302,7 +302,7 @@ def write(folder, kind, instance):
     (folder / f"{name}.mtl").write_text("\n".join(materials) + "\n")
     mass = instance.get("mass", round(kind["mass"] * scale[0] * scale[1] * scale[2], 3))
     options = ["--category", kind["category"], "--name", name, "--up", "z", "--scale", "1", "--mass", str(mass),
-               "--noun", kind["noun"], "--license", "Apache-2.0", "--author", "WheelArm"]
+               "--noun", kind["noun"], "--color", instance["name"], "--license", "Apache-2.0", "--author", "WheelArm"]
     if not is_round and len(hulls) > 1:
         lines, count = [], 0
         for n, hull in enumerate(hulls):

@@ -32,6 +32,9 @@ pub struct ImportArgs {
     /// The object is held out for tests: training takes the others.
     #[arg(long)]
     held_out: bool,
+    /// Color of the object in one word; by default that of its largest part.
+    #[arg(long, alias = "colour", value_name = "WORD")]
+    color: Option<String>,
     /// Name of the object; by default from the name of the file.
     #[arg(long)]
     name: Option<String>,
@@ -93,6 +96,7 @@ pub fn run(args: &ImportArgs) -> anyhow::Result<String> {
         category: args.category.clone(),
         noun: args.noun.clone(),
         held_out: args.held_out,
+        colour: args.color.clone(),
         size: SizeOptions {
             size: args.size,
             scale: args.scale,

@@ -70,6 +70,8 @@ pub struct ObjectOptions {
     pub category: String,
     /// Noun in sentences; the first word of the category when absent.
     pub noun: Option<String>,
+    /// Color in one word; that of the largest part when absent.
+    pub colour: Option<String>,
     /// Units and axis.
     pub size: SizeOptions,
     /// kg; by category when absent.
@@ -174,6 +176,15 @@ fn check(options: &ObjectOptions) -> Result<(), ObjectError> {
         let expected = "1 to 40 letters and spaces, for example \"medicine bottle\"";
         return invalid("--noun", format!("{noun:?}"), expected);
     }
+    if let Some(colour) = &options.colour
+        && !(is_noun(colour) && !colour.contains(' '))
+    {
+        return invalid(
+            "--color",
+            format!("{colour:?}"),
+            "one word, for example red",
+        );
+    }
     if let Some(mass) = options.mass
         && !(0.001..=100.0).contains(&mass)
     {
@@ -276,7 +287,8 @@ fn convert(
     if grasps.kept.is_empty() {
         notes.push(scenery_note(&options.name, &grasps, hand));
     }
-    let colour = colour::word(&mesh);
+    let colour = options.colour.as_deref();
+    let colour = colour.unwrap_or_else(|| colour::word(&mesh));
     let object = ObjectFile {
         origin: origin.clone(),
         license: license.clone(),
@@ -360,7 +372,11 @@ fn stock(
     let usual = category.words.first().unwrap_or(&category.name);
     let noun = options.noun.as_ref().unwrap_or(usual);
     StockEntry {
-        words: format!("{colour} {noun}"),
+        words: match noun == colour {
+            // An orange.
+            true => noun.clone(),
+            false => format!("{colour} {noun}"),
+        },
         headroom: decimal(((size[2] + ABOVE) * 100.0).ceil() / 100.0),
         depth: decimal((size[0].max(size[1]) + BESIDE).max(DEPTH)),
         yaw_deg: grasps.yaw_deg,

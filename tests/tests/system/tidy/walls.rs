@@ -52,7 +52,7 @@ const INEXACT: [&str; 22] = [
 ];
 
 /// Folders whose code computes states, sampled values or commands.
-const EXACT: [&str; 16] = [
+const EXACT: [&str; 17] = [
     "server/src/world",
     "server/src/appearance",
     "server/src/robot",

@@ -2,7 +2,7 @@
 
 use wheelarm_proto::PHYSICS_VERSION;
 
-use super::super::scope::hash;
+use crate::frozen::hash;
 use super::figures::Row;
 use super::file::Suite;
 use super::report::{FORMAT, Identity, PolicyId};
