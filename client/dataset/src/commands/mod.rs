@@ -25,7 +25,7 @@ use arguments::{FINE, Files, Input, PARTIAL, idle};
 
 /// Looks at recorded episodes, checks them, and turns them into training data.
 #[derive(Parser)]
-#[command(name = "wheelarm-dataset", version = wheelarm_proto::program::version(), about)]
+#[command(name = "wheelarm-dataset", version = wheelarm_proto::program::version())]
 pub struct Cli {
     #[command(subcommand)]
     command: Command,
