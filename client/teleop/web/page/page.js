@@ -379,6 +379,10 @@ class Page {
 
   async startGoal(candidate, action) {
     this.closeMenu();
+    if (this.locked()) {
+      this.say(this.driver.lock, true);
+      return;
+    }
     if (!(await this.takeControl())) return;
     // From here on any press stops, also before the first situation that contains the goal.
     if (await this.ask("goal.start", { candidate, action })) this.driver.goal = true;

@@ -236,15 +236,15 @@ export class Panels {
     const { goal } = s;
     const menu = app.candidates;
     const task = Boolean(s.scenario?.task);
-    const key = JSON.stringify([goal?.id, menu, app.stage.picking, app.locked(), task, app.role]);
+    const key = JSON.stringify([goal?.id, menu, app.stage.picking, task, app.role]);
     children($("goal_buttons"), key, () => {
       if (app.role === "viewer") return [];
       if (goal) return [button("goal:cancel", "Cancel", () => app.cancelGoal())];
       if (menu) return this.menu(menu);
-      const off = { disabled: app.locked() };
+      // Never disabled: the rows of scanning stay, and a press says why it does nothing.
       return [button("pick", app.stage.picking ? "Choose in the image: now" : "Choose in the image",
-        () => app.choosing(!app.stage.picking), { "aria-pressed": String(app.stage.picking), ...off }),
-      ...(task && !app.stage.picking ? [button("goal:turn", "Turn to the object", () => app.startGoal("task", "turn"), off)] : [])];
+        () => app.choosing(!app.stage.picking), { "aria-pressed": String(app.stage.picking) }),
+      ...(task && !app.stage.picking ? [button("goal:turn", "Turn to the object", () => app.startGoal("task", "turn"))] : [])];
     });
     text($("goal_text"), goal ? `${goal.name}: ${goal.text || goal.stage} (${goal.at ?? 0} of ${goal.of ?? 0}). Any press stops it.`
       : menu ? this.words(menu)
