@@ -354,7 +354,9 @@ for (const size of SIZES) {
       if (at) stops.add(at);
       return again;
     }, "the frame went round", 60);
-    for (const name of ["row:Object", "row:Gripper", "finish", "row:Page"]) assert.ok(stops.has(name), [...stops].join());
+    // On a phone the row of the page has one button, which is then framed itself.
+    const last = size.width < 561 ? "more" : "row:Page";
+    for (const at of ["row:Object", "row:Gripper", "finish", last]) assert.ok(stops.has(at), [...stops].join());
     await take("row:Gripper");
     await take("grip.close");
     await until(() => count(gateway, "step") === 1, "a step");
