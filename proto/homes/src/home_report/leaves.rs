@@ -330,10 +330,14 @@ fn hands(leaf: &Leaf) -> Vec<(Isometry3<f64>, f64)> {
     };
     let mut hands = Vec::new();
     for lag in lags {
-        for grasp in &leaf.grasps {
-            let lean = |by: &f64| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), *by);
-            let leaned = leans(grasp, false).iter().map(|by| grasp * lean(by));
-            hands.extend(leaned.map(|hand| (hand, *lag)));
+        // The hand looks the same after half a turn about its own axis.
+        for half in [0.0, std::f64::consts::PI] {
+            for grasp in &leaf.grasps {
+                let grasp = grasp * UnitQuaternion::from_axis_angle(&Vector3::z_axis(), half);
+                let lean = |by: &f64| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), *by);
+                let leaned = leans(&grasp, false).iter().map(|by| grasp * lean(by));
+                hands.extend(leaned.map(|hand| (hand, *lag)));
+            }
         }
     }
     hands
