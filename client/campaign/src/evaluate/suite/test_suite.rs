@@ -2,10 +2,10 @@
 
 use wheelarm_proto::PHYSICS_VERSION;
 
-use crate::frozen::hash;
 use super::figures::Row;
 use super::file::Suite;
 use super::report::{FORMAT, Identity, PolicyId};
+use crate::frozen::hash;
 
 /// Two tasks, two seeds; base, starts anywhere, two homes.
 pub const SMALL: &str = r#"
