@@ -100,7 +100,8 @@ impl Rest {
     }
 
     /// Seconds from the release to the last motion, and to the tick from which the pose keeps
-    /// its bits; the latter is absent for an object that does not sleep.
+    /// its bits. The former is 0 for an object that does not move while it is watched, which
+    /// begins when the task is done; the latter is absent for one that does not sleep.
     fn times(&self) -> (f64, Option<f64>) {
         let Some((_, last)) = self.poses.last() else {
             return (0.0, None);
@@ -115,7 +116,7 @@ impl Rest {
         let asleep = awake.map_or(self.poses[0].0, |(time, _)| *time);
         let sleeps = asleep < self.poses[self.poses.len() - 1].0 - 0.1;
         (
-            since(moved.map_or(self.poses[0].0, |(time, _)| *time)),
+            moved.map_or(0.0, |(time, _)| since(*time)),
             sleeps.then(|| since(asleep)),
         )
     }
@@ -166,6 +167,10 @@ mod tests {
         assert!((1.4..1.5).contains(&moved) && (1.4..1.6).contains(&asleep.unwrap()));
         let read = still_after(&format!("12.50 s {}", rest.words())).unwrap();
         assert!((read - moved).abs() < 0.01, "{read}");
+        // A task that ends long after the release.
+        let mut rest = Rest::new(7.0);
+        while !rest.add(10.5, &Isometry3::translation(0.0, 0.0, 0.7)) {}
+        assert_eq!(rest.verdict(), None, "{}", rest.words());
         let late = watched(0.01, 2.5).verdict().unwrap();
         assert!(late.contains("moves 2.5 s"), "{late}");
         let creeping = watched(1.0e-5, 9.0).verdict().unwrap();

@@ -260,7 +260,9 @@ fn add(model: &mut Model, mesh: &tobj::Mesh, material: u32, group: u32) -> Resul
     let (points, _) = mesh.positions.as_chunks::<3>();
     for point in points {
         if point.iter().any(|c| !c.is_finite() || c.abs() > LARGEST) {
-            return Err(format!("a vertex at {point:?}, expected finite numbers"));
+            return Err(format!(
+                "a vertex at {point:?}, expected finite numbers; export it again"
+            ));
         }
         model.positions.push(point.map(f64::from));
     }

@@ -3,7 +3,7 @@
 use clap::Command;
 
 /// An example of each command.
-const EXAMPLES: [(&str, &str); 12] = [
+const EXAMPLES: [(&str, &str); 13] = [
     (
         "info",
         "wheelarm dataset info data/demo/pick_mustard-seed0.h5",
@@ -40,6 +40,10 @@ const EXAMPLES: [(&str, &str); 12] = [
     ),
     ("plot", "wheelarm dataset plot data/session --out plots"),
     ("view", "wheelarm dataset view data/session --out pages"),
+    (
+        "ledger",
+        "wheelarm dataset ledger data/session --out data/session.ledger.json",
+    ),
     (
         "video",
         "wheelarm dataset video data/demo/pick_mustard-seed0.h5 --out demo.mp4",
