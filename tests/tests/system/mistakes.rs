@@ -125,11 +125,11 @@ const SERVERS: &[Mistake] = &[
         &["BUSY", "in use", "--listen"],
     ),
     (
-        "wheelarm-server --no-cameras --listen tcp/0.0.0.0:FREE",
+        "wheelarm-server --no-cameras --listen tcp/0.0.0.0:0",
         &["--keys", "--insecure"],
     ),
     (
-        "wheelarm-server --listen tcp/127.0.0.1:FREE --adapter nosuch",
+        "wheelarm-server --listen tcp/127.0.0.1:0 --adapter nosuch",
         &["nosuch", "available"],
     ),
 ];
@@ -147,11 +147,11 @@ const NAMES: &[Mistake] = &[
         &["did you mean pick_mustard?"],
     ),
     (
-        "wheelarm-server --no-cameras --listen tcp/127.0.0.1:FREE --task pick_mustrd",
+        "wheelarm-server --no-cameras --listen tcp/127.0.0.1:0 --task pick_mustrd",
         &["did you mean pick_mustard?"],
     ),
     (
-        "wheelarm-server --no-cameras --listen tcp/127.0.0.1:FREE --scene hom",
+        "wheelarm-server --no-cameras --listen tcp/127.0.0.1:0 --scene hom",
         &["did you mean home?"],
     ),
     (

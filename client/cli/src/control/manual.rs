@@ -187,6 +187,7 @@ pub const EVALUATE: &str = manual!(
     "  wheelarm evaluate --task all --seeds 0..50 --jobs 4
   wheelarm evaluate --task all --seeds 0..50 --again   repeats episodes that broke
   wheelarm evaluate compare data/one data/other
+  wheelarm evaluate verify data/core/robustness-core.json --rerun 5
 ",
     "  0  every episode of every task succeeded
   1  one did not, or a program could not be started
