@@ -169,7 +169,10 @@ mod tests {
         assert!((read - moved).abs() < 0.01, "{read}");
         // A task that ends long after the release.
         let mut rest = Rest::new(7.0);
-        while !rest.add(10.5, &Isometry3::translation(0.0, 0.0, 0.7)) {}
+        let mut time = 10.5;
+        while !rest.add(time, &Isometry3::translation(0.0, 0.0, 0.7)) {
+            time += 1.0 / 60.0;
+        }
         assert_eq!(rest.verdict(), None, "{}", rest.words());
         let late = watched(0.01, 2.5).verdict().unwrap();
         assert!(late.contains("moves 2.5 s"), "{late}");

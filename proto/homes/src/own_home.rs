@@ -77,7 +77,7 @@ impl OwnHomeId {
 pub enum OwnHomeError {
     /// The layout is rejected, or the data is invalid.
     #[error(transparent)]
-    Layout(#[from] LayoutError),
+    Layout(Box<LayoutError>),
     /// The data of homes cannot be read, or has no such plan or style.
     #[error(transparent)]
     Catalog(#[from] CatalogError),
@@ -87,6 +87,12 @@ pub enum OwnHomeError {
     /// The pack is invalid.
     #[error(transparent)]
     Pack(#[from] PackError),
+}
+
+impl From<LayoutError> for OwnHomeError {
+    fn from(error: LayoutError) -> Self {
+        Self::Layout(Box::new(error))
+    }
 }
 
 /// An own home, and why it could not be kept in the cache.
