@@ -11,7 +11,7 @@ use crate::shake;
 /// What a test of the object returns.
 enum Tested {
     /// The command of the tick.
-    Command(v1::Command),
+    Command(Box<v1::Command>),
     /// It goes on.
     Going,
     /// Its failure, if it has one, and notes.
@@ -27,7 +27,7 @@ impl Work<'_> {
         let (mut tick, mut held) = (0, None);
         self.tested("shaking", progress, |operator, observation| {
             let Some(observation) = observation else {
-                return Tested::Command(shake::command(tick).unwrap_or_default());
+                return Tested::Command(Box::new(shake::command(tick).unwrap_or_default()));
             };
             let at = operator.object_in_hand(observation).translation.vector;
             let start = *held.get_or_insert(at);
@@ -47,7 +47,7 @@ impl Work<'_> {
         let mut rest = shake::Rest::new(self.pressed);
         self.tested("resting", progress, |operator, observation| {
             let Some(observation) = observation else {
-                return Tested::Command(v1::Command::default());
+                return Tested::Command(Box::default());
             };
             let pose = operator.object(observation);
             let is_last = pose.is_none_or(|pose| rest.add(observation.time, &pose));
@@ -87,7 +87,7 @@ impl Work<'_> {
             silent = 0;
             let stamp = clock.header.as_ref().map_or(0, |h| h.stamp_nanos);
             let command = match test(&self.operator, None) {
-                Tested::Command(command) => command,
+                Tested::Command(command) => *command,
                 Tested::Going | Tested::Done(..) => v1::Command::default(),
             };
             self.turns.answer(command)?;

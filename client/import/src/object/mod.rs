@@ -177,7 +177,7 @@ fn check(options: &ObjectOptions) -> Result<(), ObjectError> {
         return invalid("--noun", format!("{noun:?}"), expected);
     }
     if let Some(colour) = &options.colour
-        && !(is_noun(colour) && !colour.contains(' '))
+        && (!is_noun(colour) || colour.contains(' '))
     {
         return invalid(
             "--color",
