@@ -241,7 +241,6 @@ impl Suite {
     }
 
     /// Episodes of a cell, seed by seed.
-    #[must_use]
     pub fn episodes<'a>(&'a self, cell: &'a Cell) -> impl Iterator<Item = (&'a str, u64)> {
         let tasks = &cell.tasks;
         let seeds = self.seeds.clone();
