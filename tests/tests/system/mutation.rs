@@ -1,8 +1,9 @@
 //! Damaged input of every kind: each decoder of untrusted input returns without a panic. The
 //! fuzz targets call the same functions.
 
+use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use wheelarm_dataset::log::Closing;
 use wheelarm_dataset::writer::{EpisodeWriter, WriterOptions};
@@ -277,7 +278,17 @@ fn damaged_assets_do_not_panic() {
     for (ending, count) in [(".toml", 10), (".urdf", 30)] {
         let paths = below(&assets, ending);
         assert!(!paths.is_empty(), "no {ending} in the assets");
+        // The packs of `make assets` hold hundreds of files of one form: two of each folder.
+        let mut of_packs: BTreeMap<PathBuf, u32> = BTreeMap::new();
         for path in paths {
+            if path.starts_with("packs") {
+                let folder = Path::new(&path).with_file_name("");
+                let taken = of_packs.entry(folder).or_default();
+                *taken += 1;
+                if *taken > 2 {
+                    continue;
+                }
+            }
             let good = std::fs::read(assets.join(&path)).expect("an asset");
             read_damaged(&path, &good, count, |bytes| decoders::asset(&path, bytes));
         }
