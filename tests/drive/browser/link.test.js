@@ -143,11 +143,11 @@ on("another user drives: locked, control requested, taken by a second press", { 
   await page.waitForFunction(() => document.body.classList.contains("locked"));
 });
 
-on("nobody drives: nothing is red, and the first press takes control and acts", { drive: false }, async ({ gateway, page }) => {
-  await page.locator("#chips").getByText("Nobody drives yet").waitFor();
+on("no operator: nothing is red, and the first press takes control and acts", { drive: false }, async ({ gateway, page }) => {
+  await page.locator("#chips").getByText("No operator is in control").waitFor();
   const red = await page.evaluate(() => [...document.querySelectorAll("#chips .bad, #alarm:not(:empty), #alarms > *")].map((one) => one.textContent));
   assert.deepEqual(red, []);
-  await page.locator("#keys_state").getByText("Nobody drives yet").waitFor();
+  await page.locator("#keys_state").getByText("No operator is in control").waitFor();
   await page.keyboard.down("KeyW");
   await until(() => gateway.asks.some((ask) => ask.ask === "lease.ask"), "it asks for control");
   await until(() => driven(gateway).length > 2, "the held key drives");
@@ -156,8 +156,8 @@ on("nobody drives: nothing is red, and the first press takes control and acts", 
   await page.locator("#chips").getByText("You drive").waitFor();
 });
 
-on("a press while nobody drives that ends before control is granted moves nothing", { drive: false }, async ({ gateway, page }) => {
-  await page.locator("#keys_state").getByText("Nobody drives yet").waitFor();
+on("a press without an operator in control that ends before control is granted moves nothing", { drive: false }, async ({ gateway, page }) => {
+  await page.locator("#keys_state").getByText("No operator is in control").waitFor();
   await page.keyboard.press("KeyW");
   await page.locator("#chips").getByText("You drive").waitFor();
   assert.equal(driven(gateway).length, 0);

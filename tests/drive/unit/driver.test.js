@@ -206,10 +206,10 @@ test("a clutch sends its motion and has one epoch", () => {
   assert.deepEqual(kinds(frames(driver, 66, 150)), ["drive", "drive", "drive"]);
 });
 
-test("a press while nobody drives asks for control, and acts only while it is held", () => {
+test("a press without an operator in control requests it, and acts only while it is held", () => {
   for (const held of [true, false]) {
     const driver = new Driver();
-    driver.locked("nobody drives", "free", false, 0);
+    driver.locked("no operator is in control", "free", false, 0);
     assert.equal(driver.press("key:w", "chair.forward", "keyboard", 100), "refused");
     assert.equal(driver.controlWanted, true);
     assert.ok(!frames(driver, 100, 300).some(moving), "before control is granted nothing moves");
@@ -222,7 +222,7 @@ test("a press while nobody drives asks for control, and acts only while it is he
 test("a step that asked for control is taken once, and not after a stop or a long wait", () => {
   const steps = (between, granted) => {
     const driver = new Driver();
-    driver.locked("nobody drives", "free", false, 0);
+    driver.locked("no operator is in control", "free", false, 0);
     driver.step("hand.up", "switch", 100);
     between(driver);
     driver.locked("", "", false, granted);

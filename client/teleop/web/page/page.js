@@ -299,13 +299,13 @@ class Page {
     }
   }
 
-  /** Control, where nobody else drives. Returns whether this page is in control. */
+  /** Requests control where no other operator has it. Returns whether this page is in control. */
   async takeControl() {
     if (this.situation?.lease?.mine) return true;
     return Boolean((await this.ask("lease.ask"))?.mine);
   }
 
-  /** Whether driving is off for another reason than that nobody drives. */
+  /** Whether driving is off for another reason than that no operator is in control. */
   locked() {
     return this.driver.lock !== "" && this.driver.lockWhy !== "free";
   }

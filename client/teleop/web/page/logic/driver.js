@@ -33,7 +33,7 @@ export class Driver {
     this.epoch = 0;
     /** Why driving is not allowed, in words, or "". */
     this.lock = "not connected";
-    /** Kind of that reason; "free": nobody drives, and a press asks for control. */
+    /** Kind of that reason; "free": no operator is in control, and a press requests it. */
     this.lockWhy = "";
     /** A press asks for control; the page sends the request. */
     this.controlWanted = false;
@@ -282,7 +282,7 @@ export class Driver {
     return this.robotMoved ? this.robotMoving : since < STEP_OVER_MS;
   }
 
-  /** Whether a press that is refused asks for control instead: nobody drives. */
+  /** Whether a press that is refused requests control instead: no operator has it. */
   asksControl(now) {
     if (this.lockWhy !== "free") return false;
     this.controlWanted = true;

@@ -15,7 +15,7 @@ export function rights({ s, silenceMs, role, lanes, frozenMs, hidden, away, alar
   if (hidden) return no("The page is hidden", "hidden");
   if (s.link !== "open") return no("The gateway has no connection to the robot");
   if (!s.lease?.mine) {
-    return s.lease?.holder ? no(`${s.lease.holder} is in control`) : no("Nobody drives yet: the first press takes control", "free");
+    return s.lease?.holder ? no(`${s.lease.holder} is in control`) : no("No operator is in control: the first press takes it", "free");
   }
   if (away) return no("Driving is off while the settings are open");
   if (alarm) return no("Read the alarm first");

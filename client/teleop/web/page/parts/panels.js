@@ -92,7 +92,7 @@ export class Panels {
     const now = recording(s);
     const lost = s.episode && s.evaluation?.failure;
     const list = [
-      [mine ? "You drive" : s.lease?.holder ? `${s.lease.holder} drives` : "Nobody drives yet", mine ? "good" : ""],
+      [mine ? "You drive" : s.lease?.holder ? `${s.lease.holder} drives` : "No operator is in control", mine ? "good" : ""],
       [now.text, now.state],
       ...(lost ? [[`Episode ${s.episode.number}: TASK LOST`, "bad"]] : []),
       ...(s.link !== "open" ? [[`Robot: ${s.link || "unknown"}`, "bad"]] : []),
@@ -217,7 +217,7 @@ export class Panels {
     const { lease = {}, people = [] } = s;
     const requests = lease.requests || [];
     text($("control_text"), [
-      mine ? "You are in control." : lease.holder ? `${lease.holder} is in control.` : "Nobody drives: the first press takes control.",
+      mine ? "You are in control." : lease.holder ? `${lease.holder} is in control.` : "No operator is in control: the first press takes it.",
       requests.length > 0 ? `${requests.join(", ")} asks for it.` : "",
     ].join(" "));
     const key = JSON.stringify([mine, lease.holder, requests, asks, app.role]);
