@@ -21,6 +21,9 @@ pub const IMU_RATE_HZ: f64 = PHYSICS_HZ as f64;
 /// Rate of the shapes of deformables, Hz.
 pub const DEFORMABLE_RATE_HZ: f64 = 10.0;
 
+/// Rate of the laser scanner, Hz: off.
+pub const SCAN_RATE_HZ: f64 = 0.0;
+
 /// Rate of a camera, Hz.
 pub const CAMERA_RATE_HZ: f64 = 10.0;
 

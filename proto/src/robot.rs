@@ -74,6 +74,14 @@ impl Roles {
     }
 }
 
+impl v1::ScannerDescription {
+    /// Angle of the last ray, radians.
+    #[must_use]
+    pub fn last_angle(&self) -> f64 {
+        self.first_angle + self.angle_step * f64::from(self.rays.saturating_sub(1))
+    }
+}
+
 fn only<T>(list: &[T], fits: impl Fn(&T) -> bool) -> Option<usize> {
     let mut found = list.iter().enumerate().filter(|(_, item)| fits(item));
     let (index, _) = found.next()?;

@@ -40,6 +40,8 @@ pub enum Rate {
     Deformable,
     /// At `CameraSetting.rate_hz` of its camera.
     Camera,
+    /// At `Scenario.scan_rate_hz`.
+    Scan,
     /// Once per simulated second.
     Second,
     /// When an event occurs.
@@ -322,7 +324,7 @@ mod tests {
         assert_eq!(v1::JointState::NAME, "joint_state");
         assert_eq!(v1::EpisodeStopped::TOPIC.info().key, "episode/stop");
         assert_eq!(v1::CameraFrame::TOPIC, TopicId::Camera);
-        assert_eq!(TopicId::STATES.len(), 19);
+        assert_eq!(TopicId::STATES.len(), 21);
     }
 
     #[test]

@@ -134,6 +134,9 @@ struct Args {
     /// Rate of the IMU, Hz; divides 240 [default: 240].
     #[arg(long, alias = "imu-rate")]
     imu_rate_hz: Option<f64>,
+    /// Rate of the laser scanner, Hz; divides 60; 0 is off [default: 0].
+    #[arg(long)]
+    scan_rate_hz: Option<f64>,
     /// Adds the noise of the robot description to the IMU.
     #[arg(long)]
     imu_noise: bool,
@@ -358,6 +361,7 @@ impl Args {
             state_rate_hz,
             deformable_rate_hz,
             imu_rate_hz,
+            scan_rate_hz,
             imu_noise,
             calibration_seed,
             appearance,
@@ -403,6 +407,7 @@ impl Args {
         request.state_rate_hz = state_rate_hz.or(request.state_rate_hz);
         request.deformable_rate_hz = deformable_rate_hz.or(request.deformable_rate_hz);
         request.imu_rate_hz = imu_rate_hz.or(request.imu_rate_hz);
+        request.scan_rate_hz = scan_rate_hz.or(request.scan_rate_hz);
         if let Some(pacing) = pacing {
             request.set_pacing(pacing.code());
         }

@@ -154,6 +154,7 @@ pub fn rejected_field(scenario: &v1::Scenario) -> Option<(&'static str, &'static
         cameras: _,
         state_rate_hz: _,
         imu_rate_hz: _,
+        scan_rate_hz: _,
         deformable_rate_hz: _,
         quality: _,
         imu_noise: _,
@@ -254,6 +255,7 @@ fn check_values(scenario: &v1::Scenario) -> Result<(), String> {
     divides("state_rate_hz", scenario.state_rate_hz, control)?;
     divides("deformable_rate_hz", scenario.deformable_rate_hz, control)?;
     divides("imu_rate_hz", scenario.imu_rate_hz, physics)?;
+    divides("scan_rate_hz", scenario.scan_rate_hz, control)?;
     if let Some(share) = scenario.variant_share.filter(|s| !(0.0..=1.0).contains(s)) {
         return Err(format!("variant_share is {share}; it is a share, 0 to 1"));
     }
@@ -485,6 +487,7 @@ fn take_images_and_rates(scenario: &mut v1::Scenario) -> [String; 7] {
         look_around: _,
         rejected_starts: _,
         deformable_rate_hz: _,
+        scan_rate_hz: _,
         objects: _,
         start: _,
         instruction: _,

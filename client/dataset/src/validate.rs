@@ -239,6 +239,8 @@ fn may_be_absent(stream: &str, column: &str, rule: Rule) -> bool {
         | TopicId::SensedJoint
         | TopicId::SensedOdometry
         | TopicId::SensedImu
+        | TopicId::Scan
+        | TopicId::SensedScan
         | TopicId::Event
         | TopicId::Camera
         | TopicId::CompressedCamera

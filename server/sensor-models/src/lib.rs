@@ -18,6 +18,7 @@ pub mod model;
 pub mod noise;
 pub mod odometry;
 mod parameters;
+pub mod scanner;
 pub mod surface;
 mod transform;
 

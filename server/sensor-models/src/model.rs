@@ -8,6 +8,7 @@ use crate::error::BadParameter;
 use crate::imu::ImuParameters;
 use crate::odometry::OdometryParameters;
 use crate::parameters::Reader;
+use crate::scanner::ScannerParameters;
 
 /// Folder of the parameter files, below the assets folder.
 pub const FOLDER: &str = "sensors";
@@ -24,6 +25,8 @@ pub struct Model {
     pub depth: Option<DepthParameters>,
     /// An inertial measurement unit.
     pub imu: Option<ImuParameters>,
+    /// A laser scanner.
+    pub scanner: Option<ScannerParameters>,
     /// Wheel odometry.
     pub odometry: Option<OdometryParameters>,
     /// Encoders, torque sensors and the gripper's position.
@@ -55,11 +58,12 @@ impl Model {
             color: table(&mut reader, "color", ColorParameters::read)?,
             depth: table(&mut reader, "depth", DepthParameters::read)?,
             imu: table(&mut reader, "imu", ImuParameters::read)?,
+            scanner: table(&mut reader, "scanner", ScannerParameters::read)?,
             odometry: table(&mut reader, "odometry", OdometryParameters::read)?,
             encoders: table(&mut reader, "encoders", EncoderParameters::read)?,
             command: table(&mut reader, "command", |s| Delay::read(s, "delay"))?,
         };
-        reader.end("a table color, depth, imu, odometry, encoders or command")?;
+        reader.end("a table color, depth, imu, scanner, odometry, encoders or command")?;
         Ok(model)
     }
 

@@ -9,12 +9,14 @@ mod mesh_revolve;
 mod packed_file;
 pub mod plush;
 mod prism;
+mod rays;
 pub mod tetrahedra;
 pub mod texture;
 
 pub(crate) use load::{check_glb_length, load_packed};
 pub(crate) use load_normals::box_uvs;
 pub use packed_file::PackedFile;
+pub use rays::Rays;
 
 use nalgebra::{Isometry3, Vector3};
 

@@ -21,8 +21,8 @@ pub use reach::NoReachMap;
 pub use roles::{ARM_JOINTS, RecordedFrame, RecordedJoint, Roles};
 pub use settings::{
     ArmSettings, CameraMount, CameraTolerance, CorridorSettings, DriveSettings, FrameRole,
-    GripperSettings, ImuSettings, JointRole, OutlineSettings, ReachSettings, SeatSettings,
-    Settings, TravelSettings,
+    GripperSettings, ImuSettings, JointRole, OutlineSettings, ReachSettings, ScannerSettings,
+    SeatSettings, Settings, TravelSettings,
 };
 
 /// A robot loaded from a URDF and its `robot.toml`.

@@ -44,6 +44,28 @@ pub struct Settings {
     pub gripper: GripperSettings,
     /// Seat of a person, if the robot has one.
     pub seat: Option<SeatSettings>,
+    /// Laser scanner, if the robot has one.
+    pub scanner: Option<ScannerSettings>,
+}
+
+/// A laser scanner that measures distances in the x-y plane of its frame.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ScannerSettings {
+    /// Name of its frame.
+    pub frame: String,
+    /// Link that carries it; its axes are those of the link.
+    pub link: String,
+    /// Origin of its frame in the link, metres.
+    pub at: [f64; 3],
+    /// Angle of the first ray about z, from x, degrees.
+    pub first_deg: f64,
+    /// Angle between two rays, degrees.
+    pub step_deg: f64,
+    /// Rays of a scan.
+    pub rays: u32,
+    /// Least and greatest distance that it measures, metres.
+    pub range: [f64; 2],
 }
 
 /// Seat of a person. Frame of the root, `wheelchair_root`.
@@ -384,6 +406,7 @@ pub(super) struct File {
     gripper: GripperSettings,
     imu: ImuSettings,
     seat: Option<SeatSettings>,
+    scanner: Option<ScannerSettings>,
     #[serde(default)]
     camera: Vec<CameraTable>,
     #[serde(default)]
@@ -456,6 +479,7 @@ impl File {
             arm: self.arm,
             gripper: self.gripper.clone(),
             seat: self.seat.clone(),
+            scanner: self.scanner.clone(),
         }
     }
 }
@@ -574,6 +598,17 @@ impl Settings {
                 ("seat.size[1]".to_owned(), width),
             ]
         });
+        let scanner = self.scanner.iter().flat_map(|scanner| {
+            let [least, greatest] = scanner.range;
+            [
+                ("scanner.step_deg".to_owned(), scanner.step_deg),
+                ("scanner.range[0]".to_owned(), least),
+                (
+                    "scanner.range[1] - scanner.range[0]".to_owned(),
+                    greatest - least,
+                ),
+            ]
+        });
         let [x_min, x_max, y_min, y_max] = self.footprint;
         let footprint = [
             ("footprint: x max - x min".to_owned(), x_max - x_min),
@@ -611,6 +646,7 @@ impl Settings {
             .chain(outlines)
             .chain(footprint)
             .chain(seat)
+            .chain(scanner)
             .find(|(_, value)| !(value.is_finite() && *value > 0.0))
             .map(|(name, value)| (name, value, "greater than 0".to_owned()))
             .or_else(|| {
@@ -673,7 +709,22 @@ impl Settings {
             ("arm.chair_contact_joints", joints(chair), JOINT_COUNTS, ""),
             ("arm.self_contact_joints", joints(own), JOINT_COUNTS, ""),
         ];
-        let mut ranges = ranges.into_iter();
+        let scanner = self.scanner.iter().flat_map(|scanner| {
+            let rays = f64::from(scanner.rays);
+            let turn = scanner.step_deg * (rays - 1.0);
+            [
+                ("scanner.rays", rays, RAYS, ""),
+                ("scanner.first_deg", scanner.first_deg, [-360.0, 360.0], "°"),
+                ("scanner.range[1]", scanner.range[1], [0.0, 100.0], "m"),
+                (
+                    "scanner.step_deg * (scanner.rays - 1)",
+                    turn,
+                    [0.0, 360.0],
+                    "°",
+                ),
+            ]
+        });
+        let mut ranges = ranges.into_iter().chain(scanner);
         // A comparison with NaN is false, so NaN is out of every range.
         let outside =
             ranges.find(|(_, value, [least, most], _)| !(least <= value && value <= most));
@@ -691,5 +742,7 @@ const GAINS: [f64; 2] = [0.1, 1e5];
 /// Range of reflected inertias, kg·m². [choice: ten times those of two
 /// grippers to either side]
 const ARMATURES: [f64; 2] = [1e-4, 0.1];
+/// Range of the rays of a scan.
+const RAYS: [f64; 2] = [1.0, 4096.0];
 /// Range of the numbers of joints between links that collide.
 const JOINT_COUNTS: [f64; 2] = [1.0, 15.0];

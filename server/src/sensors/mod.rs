@@ -1,5 +1,5 @@
 //! Sensors of the robot, computed from snapshots: schedules, inertial measurement,
-//! wheel odometry, frame poses, cameras, and the sensor models of a scenario.
+//! wheel odometry, laser scans, frame poses, cameras, and the sensor models of a scenario.
 //!
 //! Sensors read snapshots and never the physics itself.
 
@@ -8,6 +8,7 @@ pub mod frames;
 pub mod imu;
 pub mod models;
 pub mod odometry;
+pub mod scan;
 mod schedule;
 pub mod signals;
 

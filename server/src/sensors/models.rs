@@ -207,6 +207,7 @@ fn made_by(model: &Model, camera: &str) -> Vec<String> {
         (model.color.is_some(), color_name(camera)),
         (model.depth.is_some(), depth_name(camera)),
         (model.imu.is_some(), "sensed_imu".to_owned()),
+        (model.scanner.is_some(), "sensed_scan".to_owned()),
         (model.odometry.is_some(), "sensed_odometry".to_owned()),
         (model.encoders.is_some(), "sensed_joint".to_owned()),
         (model.command.is_some(), "the delay of commands".to_owned()),

@@ -1,11 +1,12 @@
 //! Sensor models of the robot's signals: encoders, torques, gripper, wheel odometry,
-//! inertial measurement. Their state starts with the episode, so that a replay gives
+//! inertial measurement, laser scanner. Their state starts with the episode, so that a replay gives
 //! the same bits.
 
 use wheelarm_proto::random::fnv1a;
 use wheelarm_sensor_models::encoders::{Encoders, Joints};
 use wheelarm_sensor_models::imu::ImuModel;
 use wheelarm_sensor_models::odometry::{OdometryModel, OdometryReading};
+use wheelarm_sensor_models::scanner::ScannerModel;
 
 use super::imu;
 use super::models::Device;
@@ -18,6 +19,7 @@ pub struct Signals {
     encoders: Option<Encoders>,
     odometry: Option<OdometryModel>,
     imu: Option<ImuModel>,
+    scanner: Option<ScannerModel>,
     reading: OdometryReading,
 }
 
@@ -57,6 +59,9 @@ impl Signals {
             }
             if let Some(p) = model.imu {
                 signals.imu = Some(ImuModel::new(p, own(*seed, "imu"), *strength));
+            }
+            if let Some(p) = model.scanner {
+                signals.scanner = Some(ScannerModel::new(p, own(*seed, "scanner"), *strength));
             }
         }
         signals
@@ -106,6 +111,14 @@ impl Signals {
         Some(encoders.measure(snapshot.tick, &truth))
     }
 
+    /// Measured distances of a scan (m), if the model is active; `limits` are the least and
+    /// the greatest that the scanner measures.
+    #[must_use]
+    pub fn scan(&self, tick: u64, ranges: &[f32], limits: [f64; 2]) -> Option<Vec<f32>> {
+        let scanner = self.scanner.as_ref()?;
+        Some(scanner.measure(tick, ranges, limits))
+    }
+
     /// Measured angular velocity (rad/s) and specific force (m/s²), if the model is
     /// active; `rate` is that of the measurements, Hz.
     pub fn imu(&mut self, sample: &imu::Sample, rate: f64) -> Option<[[f64; 3]; 2]> {
@@ -129,7 +142,7 @@ mod tests {
             let mut random = Random::new(own(7, model), [0, u64::MAX]);
             [random.normal(), random.normal()]
         };
-        let all = ["encoders", "odometry", "imu"].map(first);
+        let all = ["encoders", "odometry", "imu", "scanner"].map(first);
         for (i, one) in all.iter().enumerate() {
             assert!(all[i + 1..].iter().all(|other| other != one), "{all:?}");
         }

@@ -9,7 +9,7 @@ use crate::geometry::Shape;
 use crate::robot::control::GripperMap;
 use crate::robot::{
     FrameRole, Joint, JointKind, JointRole, OutlineSettings, PAD, RecordedJoint, RobotModel,
-    Settings,
+    ScannerSettings, Settings,
 };
 use crate::scene::RoomCamera;
 
@@ -56,6 +56,7 @@ pub fn robot(model: &RobotModel, chair_from_base: &Isometry3<f64>) -> v1::RobotD
             positions: travel.joints.to_vec(),
             outlines: outlines(&travel.outlines),
         }),
+        scanner: settings.scanner.as_ref().map(scanner),
         reach: Some(v1::ReachShell {
             centre: Some(convert::vector(&settings.reach.centre.into())),
             inner_radius: settings.reach.inner_radius,
@@ -92,6 +93,21 @@ pub fn robot(model: &RobotModel, chair_from_base: &Isometry3<f64>) -> v1::RobotD
                 mount: mount(model, &camera.link).into(),
             })
             .collect(),
+    }
+}
+
+fn scanner(settings: &ScannerSettings) -> v1::ScannerDescription {
+    let [x, y, z] = settings.at;
+    let [least_range, greatest_range] = settings.range;
+    v1::ScannerDescription {
+        frame: settings.frame.clone(),
+        link: settings.link.clone(),
+        pose: Some(convert::pose(&Isometry3::translation(x, y, z))),
+        first_angle: settings.first_deg.to_radians(),
+        angle_step: settings.step_deg.to_radians(),
+        rays: settings.rays,
+        least_range,
+        greatest_range,
     }
 }
 

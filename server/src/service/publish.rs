@@ -142,6 +142,9 @@ pub fn state(
     if sim.deformable_due() {
         put.deformable(sim);
     }
+    if let Some(ranges) = sim.scan_due() {
+        put.scan(sim, signals, ranges);
+    }
     if let Some(hash) = sim.hash_due() {
         outbox.put(episode, tick, v1::StateHash { header: None, hash });
     }
@@ -255,6 +258,22 @@ impl StatePublisher<'_> {
             header: None,
             positions: joints.iter().map(|j| j.position).collect(),
             velocities: joints.iter().map(|j| j.velocity).collect(),
+        };
+        self.outbox.put(self.episode, self.tick, message);
+    }
+
+    fn scan(&self, sim: &Simulation, signals: &Signals, ranges: Vec<f32>) {
+        let limits = sim.model().settings.scanner.as_ref().map(|s| s.range);
+        if let Some(ranges) = limits.and_then(|limits| signals.scan(self.tick, &ranges, limits)) {
+            let message = v1::SensedScan {
+                header: None,
+                ranges,
+            };
+            self.outbox.put(self.episode, self.tick, message);
+        }
+        let message = v1::Scan {
+            header: None,
+            ranges,
         };
         self.outbox.put(self.episode, self.tick, message);
     }

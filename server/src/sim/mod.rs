@@ -51,6 +51,7 @@ use crate::sensors::frames::{self, RelativeState};
 use crate::sensors::imu::{self, Imu};
 use crate::sensors::models::{self, Device};
 use crate::sensors::odometry::Odometry;
+use crate::sensors::scan::Scanner;
 use crate::snapshot::{BodyRef, Contact, Fault, Snapshot};
 use crate::tasks::{Evaluation, Evaluator, Floor, SamplingRules, TaskSpec, Variant, stocked};
 use crate::world::{World, WorstOfSoft};
@@ -483,6 +484,19 @@ impl Simulation {
     #[must_use]
     pub fn deformable_due(&self) -> bool {
         self.schedules.deformable.due(self.snapshot.tick)
+    }
+
+    /// Distances by the laser scanner at the present tick, metres: +infinity beyond its
+    /// range, -infinity below. `None` when no scan is due, the robot has no scanner, or
+    /// recorded states are played back.
+    #[must_use]
+    pub fn scan_due(&self) -> Option<Vec<f32>> {
+        let is_due = self.schedules.scan.due(self.snapshot.tick) && !self.shown;
+        let settings = self.model.settings.scanner.as_ref().filter(|_| is_due)?;
+        let scanner = Scanner::new(settings, self.model.link(&settings.link)?);
+        let link = self.snapshot.links.get(scanner.link)?;
+        let at = link.pose * scanner.mount;
+        Some(scanner.reported(self.world.scan(&at, &scanner.rays)))
     }
 
     /// Hash over the whole state; `Some` once per simulated second.

@@ -74,6 +74,8 @@ pub struct Scenario {
     pub deformable_rate_hz: f64,
     /// Rate of the IMU, Hz; divides 240.
     pub imu_rate_hz: f64,
+    /// Rate of the laser scanner, Hz; divides 60.
+    pub scan_rate_hz: f64,
     /// Pacing.
     pub pacing: Pacing,
     /// Image quality.
@@ -175,6 +177,7 @@ impl Default for Scenario {
             state_rate_hz: defaults::STATE_RATE_HZ,
             deformable_rate_hz: defaults::DEFORMABLE_RATE_HZ,
             imu_rate_hz: defaults::IMU_RATE_HZ,
+            scan_rate_hz: defaults::SCAN_RATE_HZ,
             pacing: Pacing::RealTime,
             quality: Quality::Standard,
             imu_noise: false,
@@ -290,6 +293,8 @@ pub struct Schedules {
     pub deformable: Schedule,
     /// IMU.
     pub imu: Schedule,
+    /// Laser scanner.
+    pub scan: Schedule,
 }
 
 impl Scenario {
@@ -332,6 +337,7 @@ impl Scenario {
             state_rate_hz: _,
             deformable_rate_hz: _,
             imu_rate_hz: _,
+            scan_rate_hz: _,
             pacing: _,
             quality: _,
             imu_noise: _,
@@ -388,6 +394,7 @@ impl Scenario {
             state_rate_hz: _,
             deformable_rate_hz: _,
             imu_rate_hz: _,
+            scan_rate_hz: _,
             pacing: _,
             imu_noise: _,
             objects: _,
@@ -491,6 +498,7 @@ impl Scenario {
             state: Schedule::new("state streams", self.state_rate_hz, CONTROL_HZ)?,
             deformable: Schedule::new("deformable", self.deformable_rate_hz, CONTROL_HZ)?,
             imu: Schedule::new("IMU", self.imu_rate_hz, PHYSICS_HZ)?,
+            scan: Schedule::new("laser scanner", self.scan_rate_hz, CONTROL_HZ)?,
         })
     }
 }

@@ -16,6 +16,7 @@ pub mod health;
 mod libm_overrides;
 mod mass;
 mod pad_friction;
+mod scan;
 mod scene_bodies;
 mod seat;
 mod shape;

@@ -149,6 +149,7 @@ fn check_settings(recorded: &v1::Scenario, requested: &v1::Scenario) -> anyhow::
         cameras: _,
         state_rate_hz: _,
         imu_rate_hz: _,
+        scan_rate_hz: _,
         deformable_rate_hz: _,
         quality: _,
         imu_noise: _,

@@ -113,6 +113,8 @@ fn is_computed(stream: &str) -> bool {
         TopicId::SensedJoint
         | TopicId::SensedOdometry
         | TopicId::SensedImu
+        | TopicId::Scan
+        | TopicId::SensedScan
         | TopicId::Disturbance
         | TopicId::Person
         | TopicId::StateHash => true,

@@ -278,6 +278,16 @@ impl Random {
                 twist: Some(self.twist()),
             }
             .encode_to_vec(),
+            TopicId::Scan => v1::Scan {
+                header,
+                ranges: self.list(RAYS as usize).into_iter().map(|x| x as f32).collect(),
+            }
+            .encode_to_vec(),
+            TopicId::SensedScan => v1::SensedScan {
+                header,
+                ranges: self.list(RAYS as usize).into_iter().map(|x| x as f32).collect(),
+            }
+            .encode_to_vec(),
             TopicId::SensedImu => v1::SensedImu {
                 header,
                 angular_velocity: Some(self.vector()),
@@ -359,6 +369,7 @@ pub fn started(label: &str) -> v1::EpisodeStarted {
             state_rate_hz: Some(60.0),
             deformable_rate_hz: Some(10.0),
             imu_rate_hz: Some(240.0),
+            scan_rate_hz: Some(10.0),
             pacing: v1::Pacing::LockStep.into(),
             quality: v1::RenderQuality::Standard.into(),
             objects: vec![v1::ObjectPlacement {
@@ -393,7 +404,18 @@ pub fn started(label: &str) -> v1::EpisodeStarted {
         joints: ["drawer_1_joint", "drawer_2_joint"]
             .map(String::from)
             .to_vec(),
-        robot: wheelarm_dataset::read::first_robot().ok(),
+        robot: wheelarm_dataset::read::first_robot().ok().map(|robot| v1::RobotDescription {
+            scanner: Some(v1::ScannerDescription {
+                frame: "scanner_link".into(),
+                link: robot.root_link.clone(),
+                angle_step: 0.25,
+                rays: RAYS,
+                least_range: 0.06,
+                greatest_range: 12.0,
+                ..v1::ScannerDescription::default()
+            }),
+            ..robot
+        }),
         ..v1::EpisodeStarted::default()
     }
 }
@@ -437,6 +459,9 @@ pub fn snapshot() -> v1::SnapshotReply {
 }
 
 /// A cupboard with a drawer and a door.
+/// Rays of the laser scanner.
+const RAYS: u32 = 24;
+
 const FURNITURE: &str = r#"<robot name="home">
   <link name="house"/>
   <link name="cupboard"/>

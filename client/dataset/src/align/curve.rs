@@ -54,6 +54,8 @@ impl Rule {
             "command" | "evaluation" => true,
             "applied" => matches!(meta.name.as_str(), "arm" | "base" | "gripper"),
             "contact" => meta.name != "pad_force",
+            // Infinite where nothing is met; a straight line between two surfaces is none.
+            "scan" | "sensed_scan" => true,
             _ => false,
         };
         if meta.kind != ElementKind::F64 || jumps {

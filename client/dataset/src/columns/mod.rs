@@ -28,6 +28,8 @@ pub enum Axis {
     Objects,
     /// The joints of the furniture, as the episode's start names them.
     FurnitureJoints,
+    /// The rays of the laser scanner.
+    Rays,
     /// The vertices of the soft object's skin.
     Vertices,
     /// The conditions of the task.
@@ -55,6 +57,8 @@ pub struct Context {
     pub furniture_joints: Vec<String>,
     /// Whether each of these turns; empty when the file does not say.
     pub furniture_turns: Vec<bool>,
+    /// Rays of the laser scanner.
+    pub rays: usize,
     /// Vertices of the soft object's skin.
     pub vertices: usize,
     /// Condition names in the order in which they first appeared.
@@ -70,6 +74,7 @@ impl Context {
             joints: robot.joint_names().map(owned).collect(),
             arm_joints: robot.arm_joint_names().into_iter().map(owned).collect(),
             frames: robot.frame_names().map(owned).collect(),
+            rays: robot.scanner.as_ref().map_or(0, |s| s.rays as usize),
             ..Self::default()
         }
     }
@@ -85,6 +90,7 @@ impl Axis {
             Self::Frames => context.frames.len(),
             Self::Objects => context.objects.len(),
             Self::FurnitureJoints => context.furniture_joints.len(),
+            Self::Rays => context.rays,
             Self::Vertices => context.vertices,
             Self::Conditions => context.conditions.len(),
             Self::Contacts => MAX_CONTACTS,
@@ -102,7 +108,10 @@ impl Axis {
             Self::Objects => &mut context.objects,
             Self::FurnitureJoints => &mut context.furniture_joints,
             Self::Conditions => &mut context.conditions,
-            Self::Vertices | Self::Contacts | Self::Names(_) | Self::Components(_) => return,
+            Self::Rays
+            | Self::Vertices
+            | Self::Contacts
+            | Self::Names(_) | Self::Components(_) => return,
         };
         names.clone_into(entries);
     }
@@ -132,7 +141,7 @@ impl Axis {
             Self::Objects => Some(("names", context.objects.clone())),
             Self::FurnitureJoints => Some(("names", context.furniture_joints.clone())),
             Self::Conditions => Some(("names", context.conditions.clone())),
-            Self::Contacts | Self::Vertices => None,
+            Self::Contacts | Self::Rays | Self::Vertices => None,
             Self::Names(n) => Some(("names", owned(n))),
             Self::Components(n) => Some(("components", owned(n))),
         }

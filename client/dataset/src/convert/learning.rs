@@ -33,10 +33,31 @@ const WHEEL_RESTS: f64 = 5e-3;
 /// A knuckle that changes less within a row is at rest, rad.
 const KNUCKLE_RESTS: f64 = 1e-4;
 
+/// Laser scans: those of a sensor model before the exact ones.
+const SCANS: [&str; 2] = ["sensed_scan", "scan"];
+
 /// Whether rows are made of a stream.
 #[must_use]
 pub fn reads(stream: &str) -> bool {
-    STREAMS.contains(&stream) || SENSED.contains(&stream)
+    STREAMS.contains(&stream) || SENSED.contains(&stream) || SCANS.contains(&stream)
+}
+
+/// The laser scan that the robot observes, in every row of the alignment: that of the sensor
+/// model where one was on. `None` without a scanner.
+#[must_use]
+pub fn scan(recording: &Recording) -> Option<&Signal> {
+    let aligned = &recording.aligned;
+    let on = SCANS.iter().find(|stream| !aligned.whole_rows(&[stream], &[]).is_empty())?;
+    aligned.signal(on, "ranges")
+}
+
+/// Distances of a scan as a network takes them, metres: the greatest distance of the scanner
+/// where nothing is within its range, 0 where something is too close.
+#[must_use]
+pub fn finite_ranges(ranges: &[f64], scanner: &v1::ScannerDescription) -> Vec<f64> {
+    let greatest = scanner.greatest_range;
+    let finite = |range: f64| if range.is_nan() { greatest } else { range.clamp(0.0, greatest) };
+    ranges.iter().copied().map(finite).collect()
 }
 
 /// Options of the rows.

@@ -132,6 +132,13 @@ impl Recording {
         })
     }
 
+    /// Scans per second that the scenario asked for, Hz; 0 without a laser scanner.
+    #[must_use]
+    pub fn scan_rate_hz(&self) -> f64 {
+        let scenario = self.episode.scenario();
+        scenario.map_or(0.0, |scenario| scenario.scan_rate_hz())
+    }
+
     /// Names of the cameras.
     #[must_use]
     pub fn camera_names(&self) -> Vec<String> {

@@ -169,6 +169,7 @@ pub(super) fn scenario(file: &File, scan: &Scan) -> hdf5::Result<()> {
         .set("state_rate_hz", scenario.state_rate_hz())?
         .set("deformable_rate_hz", scenario.deformable_rate_hz())?
         .set("imu_rate_hz", scenario.imu_rate_hz())?
+        .set("scan_rate_hz", scenario.scan_rate_hz())?
         .set("imu_noise", scenario.imu_noise())?;
     if let Some(appearance) = &scenario.appearance {
         Attributes::for_object(&group).text("look", &appearance.to_string())?;

@@ -417,6 +417,7 @@ fn whole(mut scenario: v1::Scenario) -> v1::Scenario {
     scenario.seed.get_or_insert_default();
     scenario.state_rate_hz.get_or_insert_default();
     scenario.imu_rate_hz.get_or_insert_default();
+    scenario.scan_rate_hz.get_or_insert_default();
     scenario.deformable_rate_hz.get_or_insert_default();
     scenario.imu_noise.get_or_insert_default();
     scenario.instruction.get_or_insert_default();

@@ -59,6 +59,8 @@ pub fn wants(stream: &str) -> bool {
         | TopicId::SensedJoint
         | TopicId::SensedOdometry
         | TopicId::SensedImu
+        | TopicId::Scan
+        | TopicId::SensedScan
         | TopicId::Event
         | TopicId::Camera
         | TopicId::CompressedCamera

@@ -9,7 +9,7 @@ from geometry_msgs.msg import Pose, PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from peer import until
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import CameraInfo, Image, Imu, JointState
+from sensor_msgs.msg import CameraInfo, Image, Imu, JointState, LaserScan
 from std_msgs.msg import Float64, String
 from test_types import FRAMES, JOINTS
 from tf2_msgs.msg import TFMessage
@@ -87,6 +87,28 @@ def test_images_equal_those_of_a_wheelarm_client(server, bridge, peer, probe, en
                 *(0, 0, 1, 0),
             ]
             assert info.header.frame_id == f"{camera}_optical_frame"
+
+
+def test_scans_equal_those_of_a_wheelarm_client(server, bridge, peer, probe):
+    endpoint = server("--no-cameras", "--scan-rate-hz", "10", "--sensor", "scanner")
+    bridge(endpoint)
+    sent = probe(endpoint).subscribe("scan", "sensed_scan")
+    received = {
+        "scan": peer.subscribe("scan", LaserScan),
+        "sensed_scan": peer.subscribe("sensed/scan", LaserScan),
+    }
+    static = peer.subscribe("/tf_static", TFMessage, LATCHED)
+    for stream, messages in received.items():
+        for sample, message in pairs(sent[stream], messages):
+            assert message.header.frame_id == "scanner_link"
+            assert message.ranges == array.array("f", sample.ranges)
+            turn = message.angle_max - message.angle_min + message.angle_increment
+            assert math.isclose(turn, math.tau, rel_tol=1e-5)
+            assert math.isclose(message.scan_time, 0.1, rel_tol=1e-6)
+            assert math.isclose(message.range_max, 12.0)
+    transforms = until(lambda: list(static) and static[-1].transforms, "no static transforms")
+    mounts = [one for one in transforms if one.child_frame_id == "scanner_link"]
+    assert [one.header.frame_id for one in mounts] == ["wheelchair_root"]
 
 
 def test_states_equal_those_of_a_wheelarm_client(server, bridge, peer, probe):

@@ -401,6 +401,11 @@ impl Reader<'_> {
                 return Err(self.missing("link", &camera.link, NAMED));
             }
         }
+        if let Some(scanner) = &model.settings.scanner
+            && model.link(&scanner.link).is_none()
+        {
+            return Err(self.missing("link", &scanner.link, NAMED));
+        }
         for joint in model.roles.finger_tips {
             let tip = &model.links[model.joints[joint].child];
             let has_pad = tip.collision.iter().any(|collider| {

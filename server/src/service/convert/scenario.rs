@@ -52,6 +52,7 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
         state_rate_hz: Some(s.state_rate_hz),
         deformable_rate_hz: Some(s.deformable_rate_hz),
         imu_rate_hz: Some(s.imu_rate_hz),
+        scan_rate_hz: Some(s.scan_rate_hz),
         pacing: s.pacing.code().into(),
         quality: s.quality.code().into(),
         imu_noise: Some(s.imu_noise),
@@ -318,6 +319,7 @@ pub fn scenario_over(now: &Scenario, request: &v1::Scenario) -> Result<Scenario,
         cameras,
         state_rate_hz,
         imu_rate_hz,
+        scan_rate_hz,
         pacing,
         quality,
         imu_noise,
@@ -464,10 +466,12 @@ pub fn scenario_over(now: &Scenario, request: &v1::Scenario) -> Result<Scenario,
     keep(&mut s.state_rate_hz, *state_rate_hz);
     keep(&mut s.deformable_rate_hz, *deformable_rate_hz);
     keep(&mut s.imu_rate_hz, *imu_rate_hz);
+    keep(&mut s.scan_rate_hz, *scan_rate_hz);
     let rates = [
         ("state_rate_hz", s.state_rate_hz),
         ("deformable_rate_hz", s.deformable_rate_hz),
         ("imu_rate_hz", s.imu_rate_hz),
+        ("scan_rate_hz", s.scan_rate_hz),
     ];
     for (what, rate) in rates {
         check::finite(what, rate)?;

@@ -7,6 +7,7 @@ mod oddities;
 mod people;
 mod pick;
 mod robot;
+mod scan;
 mod scene;
 mod signals;
 mod soft;

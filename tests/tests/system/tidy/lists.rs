@@ -59,6 +59,7 @@ fn guide_of_recordings_names_every_recorded_stream_with_its_rate() {
             _ if group.contains("sensed_") || topic == TopicId::Sensor => continue,
             Rate::Control | Rate::State => defaults::STATE_RATE_HZ,
             Rate::Imu => defaults::IMU_RATE_HZ,
+            Rate::Scan => defaults::SCAN_RATE_HZ,
             Rate::Deformable => defaults::DEFORMABLE_RATE_HZ,
             Rate::Camera => defaults::CAMERA_RATE_HZ,
             Rate::Second | Rate::Event => continue,
@@ -79,6 +80,7 @@ fn contract_help_and_guides_state_the_default_rates() {
         ("state_rate_hz", defaults::STATE_RATE_HZ),
         ("imu_rate_hz", defaults::IMU_RATE_HZ),
         ("deformable_rate_hz", defaults::DEFORMABLE_RATE_HZ),
+        ("scan_rate_hz", defaults::SCAN_RATE_HZ),
     ] {
         let comment = format!("At start-up {rate}. optional double {field} =");
         assert!(contract.contains(&comment), "{CONTRACT} lacks {comment:?}");

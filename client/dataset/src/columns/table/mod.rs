@@ -13,7 +13,8 @@ use wheelarm_proto::{StreamId, TopicId};
 use self::command::{APPLIED, COMMAND};
 use self::progress::{CLOCK, EVALUATION, PHASE, STATE_HASH};
 use self::robot::{
-    IMU, JOINT_STATE, ODOMETRY, POSE_SET, SENSED_IMU, SENSED_JOINT, SENSED_ODOMETRY,
+    IMU, JOINT_STATE, ODOMETRY, POSE_SET, SCAN, SENSED_IMU, SENSED_JOINT, SENSED_ODOMETRY,
+    SENSED_SCAN,
 };
 use self::scene::{CONTACT, DEFORMABLE, DISTURBANCE, FURNITURE_JOINT, OBJECT_POSE, PERSON};
 use super::{Cell, ColumnInfo, Kind, Stream};
@@ -25,6 +26,7 @@ pub fn for_stream(stream: &StreamId) -> Option<&'static dyn Stream> {
         TopicId::JointState => &JOINT_STATE,
         TopicId::Pose => &POSE_SET,
         TopicId::Imu => &IMU,
+        TopicId::Scan => &SCAN,
         TopicId::Odometry => &ODOMETRY,
         TopicId::Clock => &CLOCK,
         TopicId::Command => &COMMAND,
@@ -41,6 +43,7 @@ pub fn for_stream(stream: &StreamId) -> Option<&'static dyn Stream> {
         TopicId::SensedJoint => &SENSED_JOINT,
         TopicId::SensedOdometry => &SENSED_ODOMETRY,
         TopicId::SensedImu => &SENSED_IMU,
+        TopicId::SensedScan => &SENSED_SCAN,
         TopicId::Event
         | TopicId::Camera
         | TopicId::CompressedCamera

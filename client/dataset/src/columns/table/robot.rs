@@ -85,6 +85,35 @@ pub(super) static IMU: Table<v1::Imu> = Table {
     ],
 };
 
+/// Name of the scanner's frame in the table; the description has its pose.
+const SCANNER_FRAME: &str = "the scanner's frame";
+
+pub(super) static SCAN: Table<v1::Scan> = Table {
+    columns: &[f64s(
+        "ranges",
+        "m",
+        SCANNER_FRAME,
+        &[Axis::Rays],
+        Codec {
+            take: |m, _, o| o.extend(m.ranges.iter().map(|x| f64::from(*x))),
+            put: |m, _, v| m.ranges = v.iter().map(|&x| x as f32).collect(),
+        },
+    )],
+};
+
+pub(super) static SENSED_SCAN: Table<v1::SensedScan> = Table {
+    columns: &[f64s(
+        "ranges",
+        "m",
+        SCANNER_FRAME,
+        &[Axis::Rays],
+        Codec {
+            take: |m, _, o| o.extend(m.ranges.iter().map(|x| f64::from(*x))),
+            put: |m, _, v| m.ranges = v.iter().map(|&x| x as f32).collect(),
+        },
+    )],
+};
+
 pub(super) static ODOMETRY: Table<v1::Odometry> = Table {
     columns: &[
         f64s(

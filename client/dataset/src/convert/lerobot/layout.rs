@@ -31,6 +31,8 @@ pub(super) struct Layout {
     pub body: Body,
     /// Names of the values of [`VECTORS`].
     pub names: [Vec<String>; 3],
+    /// Rays of the laser scans; 0 without.
+    pub rays: usize,
     /// With the two columns of language.
     pub language: bool,
 }
@@ -244,7 +246,21 @@ pub(super) fn numbers(block: &Block<'_>) -> Vec<Column> {
         name: (*name).to_owned(),
         cells: flat.cells(block),
     });
-    vectors.chain(flat).collect()
+    vectors.chain(scans(block)).chain(flat).collect()
+}
+
+/// Feature of the laser scans.
+const SCAN: &str = "observation.scan";
+
+/// The laser scans of a block, if the robot had a scanner.
+fn scans(block: &Block<'_>) -> Option<Column> {
+    let (signal, scanner) = learning::scan(block.recording).zip(block.recording.robot.scanner.as_ref())?;
+    let rows = (0..block.part.1).map(|i| signal.row(block.row(i)));
+    let rows = rows.flat_map(|row| learning::finite_ranges(row, scanner));
+    Some(Column {
+        name: SCAN.to_owned(),
+        cells: Cells::F32(vec![signal.meta.width()], rows.map(|range| range as f32).collect()),
+    })
 }
 
 impl Layout {
@@ -263,6 +279,7 @@ impl Layout {
             colour: None,
             body: Body::from_description(robot),
             names: [state_names(robot), action.names(robot), pose.to_vec()],
+            rays: learning::scan(recording).map_or(0, |scan| scan.meta.width()),
             language: false,
         }
     }
@@ -315,6 +332,10 @@ impl Layout {
         for ((name, _), names) in VECTORS.iter().zip(&self.names) {
             let feature = json!({"dtype": "float32", "shape": [names.len()], "names": names});
             out.insert((*name).into(), feature);
+        }
+        if self.rays > 0 {
+            let feature = json!({"dtype": "float32", "shape": [self.rays], "names": null});
+            out.insert(SCAN.into(), feature);
         }
         for (name, flat) in FLAT {
             let feature = json!({"dtype": flat.dtype(), "shape": [1], "names": null});

@@ -56,15 +56,20 @@ fn once<'a>(
     let stamp = recording.summary.span_nanos.0;
     let mut out = Vec::new();
     let still = described.still(recording)?;
-    if !still.is_empty() {
+    let scanner = recording.robot.scanner.as_ref();
+    if !still.is_empty() || scanner.is_some() {
         out.push(Channel::foxglove(
             "/tf_static",
             &[stamp],
             move |_, stamp| {
                 let each = still.iter();
                 let each = each.map(|j| transform(stamp, &j.parent, &j.child, &j.pose(0.0)));
+                let scanner = scanner.map(|s| {
+                    let pose = pose::of_message(s.pose.as_ref());
+                    transform(stamp, &s.link, &s.frame, &pose)
+                });
                 Ok(FrameTransforms {
-                    transforms: each.collect(),
+                    transforms: each.chain(scanner).collect(),
                 })
             },
         ));
@@ -182,6 +187,26 @@ fn of_topic<'a>(
         TopicId::Disturbance => out.push(Channel::own("/disturbance", topic, samples()?)),
         TopicId::Person => out.push(Channel::own("/person", topic, samples()?)),
         TopicId::Imu => out.push(Channel::own("/imu", topic, samples()?)),
+        TopicId::Scan => {
+            let (samples, scanner) = (samples()?, recording.robot.scanner.clone());
+            let stamps = samples.stamps().to_vec();
+            out.push(Channel::foxglove("/scan", &stamps, move |i, stamp| {
+                let m: v1::Scan = samples.message(i)?;
+                Ok(foxglove::scan(scanner.as_ref(), &m.ranges, stamp))
+            }));
+        }
+        TopicId::SensedScan => {
+            let (samples, scanner) = (samples()?, recording.robot.scanner.clone());
+            let stamps = samples.stamps().to_vec();
+            out.push(Channel::foxglove(
+                "/sensed/scan",
+                &stamps,
+                move |i, stamp| {
+                    let m: v1::SensedScan = samples.message(i)?;
+                    Ok(foxglove::scan(scanner.as_ref(), &m.ranges, stamp))
+                },
+            ));
+        }
         TopicId::Odometry => out.push(Channel::own("/odometry", topic, samples()?)),
         TopicId::SensedJoint => out.push(Channel::own("/sensed/joints", topic, samples()?)),
         TopicId::SensedOdometry => out.push(Channel::own("/sensed/odometry", topic, samples()?)),

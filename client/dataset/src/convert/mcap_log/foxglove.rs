@@ -167,6 +167,24 @@ pub(super) fn joints(
     }
 }
 
+/// A laser scan in the frame of its scanner.
+pub(super) fn scan(
+    scanner: Option<&v1::ScannerDescription>,
+    ranges: &[f32],
+    stamp: u64,
+) -> LaserScan {
+    let scanner = scanner.cloned().unwrap_or_default();
+    LaserScan {
+        timestamp: timestamp(stamp),
+        pose: Some(placed(&pose::of_message(None))),
+        start_angle: scanner.first_angle,
+        end_angle: scanner.last_angle(),
+        frame_id: scanner.frame,
+        ranges: ranges.iter().map(|&range| f64::from(range)).collect(),
+        intensities: Vec::new(),
+    }
+}
+
 /// An event: serious ones are warnings.
 pub(super) fn log(kind: &str, text: &str, stamp: u64) -> Log {
     let level = match v1::EventKind::from_word(kind).is_serious() {

@@ -67,6 +67,17 @@ impl Cdr {
         self.f64s(values);
     }
 
+    /// Single precision.
+    pub fn f32(&mut self, value: f32) {
+        self.put(value.to_le_bytes());
+    }
+
+    /// A sequence in single precision.
+    pub fn f32_sequence(&mut self, values: &[f32]) {
+        self.length(values.len());
+        values.iter().for_each(|&value| self.f32(value));
+    }
+
     /// A sequence of bytes.
     pub fn bytes(&mut self, bytes: &[u8]) {
         self.length(bytes.len());

@@ -1,6 +1,8 @@
 //! The messages, filled from a recording. Values that a recording lacks are written as ROS defines
 //! it: unknown covariances are zeros.
 
+use wheelarm_proto::v1;
+
 use super::cdr::Cdr;
 use crate::calibration::PIXEL_CENTRE;
 use crate::pose::Pose;
@@ -105,6 +107,38 @@ impl RosMessage for Imu {
         out.f64s(&[0.0; 9]);
         out.f64s(&self.linear_acceleration);
         out.f64s(&[0.0; 9]);
+    }
+}
+
+/// `sensor_msgs/msg/LaserScan`. All rays are of one time.
+pub(in crate::convert) struct LaserScan {
+    pub stamp: u64,
+    pub scanner: v1::ScannerDescription,
+    /// Time between two scans, s; 0 where it is not known.
+    pub period: f64,
+    /// Metres; infinite as REP 117 says.
+    pub ranges: Vec<f32>,
+}
+
+impl RosMessage for LaserScan {
+    const NAME: &'static str = "sensor_msgs/msg/LaserScan";
+
+    fn write(&self, out: &mut Cdr) {
+        let scanner = &self.scanner;
+        header(out, self.stamp, &scanner.frame);
+        for value in [
+            scanner.first_angle,
+            scanner.last_angle(),
+            scanner.angle_step,
+            0.0,
+            self.period,
+            scanner.least_range,
+            scanner.greatest_range,
+        ] {
+            out.f32(value as f32);
+        }
+        out.f32_sequence(&self.ranges);
+        out.f32_sequence(&[]);
     }
 }
 

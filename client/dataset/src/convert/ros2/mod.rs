@@ -8,6 +8,6 @@ mod message;
 
 pub(super) use definition::{description, type_hash};
 pub(super) use message::{
-    CameraInfo, Clock, Image, Imu, JointState, Odometry, PointCloud2, PoseStamped, RosMessage,
-    TFMessage, Text, Transform, TwistStamped,
+    CameraInfo, Clock, Image, Imu, JointState, LaserScan, Odometry, PointCloud2, PoseStamped,
+    RosMessage, TFMessage, Text, Transform, TwistStamped,
 };

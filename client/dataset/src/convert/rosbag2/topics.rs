@@ -12,8 +12,8 @@ use super::words::Words;
 use crate::convert::Recording;
 use crate::convert::links::{self, Descriptions};
 use crate::convert::ros2::{
-    CameraInfo, Clock, Image, Imu, JointState, Odometry, PointCloud2, PoseStamped, TFMessage, Text,
-    TwistStamped,
+    CameraInfo, Clock, Image, Imu, JointState, LaserScan, Odometry, PointCloud2, PoseStamped,
+    TFMessage, Text, TwistStamped,
 };
 use crate::pose::{self, Pose};
 use crate::read::{Camera, Samples};
@@ -85,6 +85,10 @@ fn once(
     let mut still: Vec<_> = joints.collect();
     if let Some(pose) = odometry_in_world(recording)? {
         still.push(transform(stamp, WORLD, ODOMETRY, pose));
+    }
+    if let Some(scanner) = &recording.robot.scanner {
+        let pose = pose::of_message(scanner.pose.as_ref());
+        still.push(transform(stamp, &scanner.link, &scanner.frame, pose));
     }
     if !still.is_empty() {
         out.push(Channel::latched("/tf_static", stamp, &TFMessage(still)));
@@ -262,6 +266,22 @@ fn of_topic<'a>(
                 imu((None, m.angular_velocity, m.linear_acceleration), stamp)
             },
         )),
+        TopicId::Scan => {
+            let make = scan(recording);
+            let topic = Channel::per_sample("/scan", &samples()?, move |m: v1::Scan, stamp| {
+                make(m.ranges, stamp)
+            });
+            out.push(topic);
+        }
+        TopicId::SensedScan => {
+            let make = scan(recording);
+            let topic = Channel::per_sample(
+                "/sensed/scan",
+                &samples()?,
+                move |m: v1::SensedScan, stamp| make(m.ranges, stamp),
+            );
+            out.push(topic);
+        }
         TopicId::Odometry => out.push(Channel::per_sample(
             "/odom",
             &samples()?,
@@ -337,6 +357,19 @@ fn of_topic<'a>(
         | TopicId::Recorder => {}
     }
     Ok(())
+}
+
+/// Makes messages of a scan.
+fn scan(recording: &Recording) -> impl Fn(Vec<f32>, u64) -> LaserScan + use<> {
+    let scanner = recording.robot.scanner.clone().unwrap_or_default();
+    let rate = recording.scan_rate_hz();
+    let period = if rate > 0.0 { 1.0 / rate } else { 0.0 };
+    move |ranges, stamp| LaserScan {
+        stamp,
+        scanner: scanner.clone(),
+        period,
+        ranges,
+    }
 }
 
 /// A stream without a standard message.

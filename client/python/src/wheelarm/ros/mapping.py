@@ -29,7 +29,7 @@ from geometry_msgs.msg import (
 )
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import CameraInfo, Image, Imu, JointState
+from sensor_msgs.msg import CameraInfo, Image, Imu, JointState, LaserScan
 from std_msgs.msg import Header
 
 from .tree import Transform as TreeTransform
@@ -137,6 +137,21 @@ def imu(sample, frame: str) -> Imu:
         orientation=quaternion(sample.orientation),
         angular_velocity=vector(sample.angular_velocity),
         linear_acceleration=vector(sample.linear_acceleration),
+    )
+
+
+def laser_scan(sample, scanner, rate_hz: float) -> LaserScan:
+    """``wheelarm.v1.Scan`` or ``SensedScan`` of a ``wheelarm.v1.ScannerDescription``. All rays
+    have one time; distances are infinite as REP 117 defines it."""
+    return LaserScan(
+        header=header(sample.header.stamp_nanos, scanner.frame),
+        angle_min=scanner.first_angle,
+        angle_max=scanner.first_angle + scanner.angle_step * max(scanner.rays - 1, 0),
+        angle_increment=scanner.angle_step,
+        scan_time=1.0 / rate_hz if rate_hz > 0.0 else 0.0,
+        range_min=scanner.least_range,
+        range_max=scanner.greatest_range,
+        ranges=array.array("f", sample.ranges),
     )
 
 

@@ -15,7 +15,7 @@ from rclpy.clock import Clock as RosClock
 from rclpy.clock import ClockType
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import CameraInfo, Image, Imu, JointState
+from sensor_msgs.msg import CameraInfo, Image, Imu, JointState, LaserScan
 from std_msgs.msg import Float64, String
 from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectory
@@ -35,7 +35,19 @@ from .seed import IMU_TOPICS, SeedTopics, image_topics
 from .services import HAS_STANDARD, StandardServices, trigger_services
 from .simulation import EpisodeOptions, Simulation
 
-STREAMS = ["joint_state", "pose", "imu", "odometry", "applied", "object_pose", "furniture_joint"]
+STREAMS = [
+    "joint_state",
+    "pose",
+    "imu",
+    "scan",
+    "sensed_scan",
+    "odometry",
+    "applied",
+    "object_pose",
+    "furniture_joint",
+]
+#: Topic of each stream of laser scans.
+SCANS = {"scan": "scan", "sensed_scan": "sensed/scan"}
 #: Streams without a ROS topic. `tests/test_contract.py` requires each stream in one of the lists.
 UNPUBLISHED = [
     "sensed_joint",
@@ -240,6 +252,7 @@ class WheelArmNode(Node):
             ("joint_states", JointState),
             ("imu/data", Imu),
             ("odom", Odometry),
+            *((topic, LaserScan) for topic in SCANS.values()),
             ("/diagnostics", DiagnosticArray),
         ):
             self.outputs.declare(topic, kind)
@@ -290,6 +303,7 @@ class WheelArmNode(Node):
         lock_step = status.scenario.pacing == v1.PACING_LOCK_STEP
         self.controller.lock_step = self.controller.commands.in_simulation_time = lock_step
         self._run_id, self._tick = status.header.run_id, status.header.tick
+        self._scan_rate = status.scenario.scan_rate_hz
         names = [camera.name for camera in status.scenario.cameras if camera.rate_hz > 0.0]
         for name in names:
             if name not in self.cameras:
@@ -323,6 +337,12 @@ class WheelArmNode(Node):
             if camera.HasField("place"):
                 frame = camera.place.frame
                 places[camera.name] = (links.get(frame, frame), camera.place.pose)
+        if robot.scanner is not None:
+            scanner = robot.scanner
+            place = tree.from_pose(scanner.pose)
+            transforms.append(
+                mapping.transform_stamped(place, stamp, scanner.link, scanner.frame)
+            )
         transforms += [
             mapping.transform_stamped(tree.from_pose(pose), stamp, link, optical_frame(name))
             for name, (link, pose) in places.items()
@@ -378,6 +398,11 @@ class WheelArmNode(Node):
         elif topic == "imu":
             publish("imu/data", lambda: mapping.imu(sample, robot.imu))
             publish("imu", lambda: mapping.imu(sample, robot.imu))
+        elif topic in SCANS and robot.scanner is not None:
+            rate = self._scan_rate
+            publish(
+                SCANS[topic], lambda: mapping.laser_scan(sample, robot.scanner, rate)
+            )
         elif topic == "odometry":
             publish("odom", lambda: mapping.odometry(sample, ODOM, robot.root))
         elif topic == "applied":

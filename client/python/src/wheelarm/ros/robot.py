@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 from .. import v1
 from . import tree
@@ -37,6 +38,8 @@ class Robot:
     arm_base: str
     end_effector: str
     imu: str
+    #: The laser scanner, a ``wheelarm.v1.ScannerDescription``; None without one.
+    scanner: Any
     #: Joints of the URDF.
     tree: list[tree.Joint] = field(repr=False)
     urdf: str = field(repr=False)
@@ -75,6 +78,7 @@ class Robot:
             arm_base=description.arm_base_link,
             end_effector=description.end_effector_link,
             imu=description.imu_link,
+            scanner=description.scanner if description.HasField("scanner") else None,
             tree=tree.joints(description.urdf_text),
             urdf=description.urdf_text,
         )
