@@ -82,6 +82,7 @@ fn decode_query_messages(query: Query, bytes: &[u8]) {
         Query::Tasks => decode_query::<v1::TasksRequest>(query, bytes),
         Query::Lease => decode_query::<v1::LeaseRequest>(query, bytes),
         Query::Reach => decode_query::<v1::ReachRequest>(query, bytes),
+        Query::Map => decode_query::<v1::MapRequest>(query, bytes),
         Query::Pick => decode_query::<v1::PickRequest>(query, bytes),
         Query::Reset => decode_query::<v1::ResetRequest>(query, bytes),
         Query::Pause => decode_query::<v1::PauseRequest>(query, bytes),

@@ -12,7 +12,8 @@ pub const GROUPS: [(&str, &[&str]); 8] = [
     (
         "Run a simulation",
         &[
-            "server", "demo", "doctor", "status", "tasks", "reset", "pause", "resume", "shutdown",
+            "server", "demo", "doctor", "status", "tasks", "map", "reset", "pause", "resume",
+            "shutdown",
         ],
     ),
     (
@@ -38,7 +39,7 @@ const WITH_KEYS: [&str; 3] = ["keys", "users", "router"];
 
 /// Commands that connect to a running server.
 const CONNECTED: [&str; 14] = [
-    "status", "tasks", "reset", "pause", "resume", "shutdown", "teleop", "drive", "operate",
+    "status", "tasks", "map", "reset", "pause", "resume", "shutdown", "teleop", "drive", "operate",
     "lease", "preview", "watch", "record", "episode",
 ];
 

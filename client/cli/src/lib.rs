@@ -14,6 +14,7 @@ pub mod help;
 pub mod home;
 pub mod home_make;
 pub mod home_report;
+pub mod map;
 pub mod new;
 pub mod object;
 pub mod operate;

@@ -32,6 +32,7 @@ use wheelarm_cli::doctor::{self, DoctorArgs};
 use wheelarm_cli::drive::{self, DriveArgs};
 use wheelarm_cli::help;
 use wheelarm_cli::home::{self, HomeCommand};
+use wheelarm_cli::map::{self, MapArgs};
 use wheelarm_cli::new::{self, NewArgs};
 use wheelarm_cli::object::{self, ObjectCommand};
 use wheelarm_cli::operate::{self, OperateArgs};
@@ -83,6 +84,12 @@ enum Command {
     /// of the program wheelarm-server.
     #[command(after_long_help = manual::TASKS)]
     Tasks,
+    /// Writes the map of the home for Nav2.
+    ///
+    /// Where something stands and where this chair gets to, in cells of 5 cm, with rooms and
+    /// the clear width of doors.
+    #[command(after_long_help = manual::MAP)]
+    Map(MapArgs),
     /// Sets up a scenario: scene, task, seed.
     ///
     /// Settings without an option keep their values; poses are sampled from the seed.
@@ -399,6 +406,7 @@ fn run(cli: Cli, connect: Connect) -> anyhow::Result<ExitCode> {
     match &cli.command {
         Command::Status => control::status(&connect)?,
         Command::Tasks => control::tasks(&connect)?,
+        Command::Map(args) => print!("{}", map::run(&client()?, args)?),
         Command::Reset(args) => {
             let open = client()?;
             let what = format!("the server {:?} to set up the scenario", connect.sim);

@@ -17,6 +17,7 @@ pub mod hybrid_a_star;
 mod lattice;
 mod nearby;
 pub mod obb;
+pub mod occupancy;
 pub mod posture_routes;
 pub mod postures;
 pub mod price;

@@ -58,6 +58,7 @@ fn most_bytes(kind: Query) -> usize {
         | Query::Scene
         | Query::Tasks
         | Query::Lease
+        | Query::Map
         | Query::Pick
         | Query::Pause
         | Query::Resume

@@ -53,7 +53,9 @@ use crate::sensors::models::{self, Device};
 use crate::sensors::odometry::Odometry;
 use crate::sensors::scan::Scanner;
 use crate::snapshot::{BodyRef, Contact, Fault, Snapshot};
-use crate::tasks::{Evaluation, Evaluator, Floor, SamplingRules, TaskSpec, Variant, stocked};
+use crate::tasks::{
+    Evaluation, Evaluator, Floor, MapSource, SamplingRules, TaskSpec, Variant, stocked,
+};
 use crate::world::{World, WorstOfSoft};
 use arm_balls::ArmBalls;
 use carriers::Carriers;
@@ -497,6 +499,21 @@ impl Simulation {
         let link = self.snapshot.links.get(scanner.link)?;
         let at = link.pose * scanner.mount;
         Some(scanner.reported(self.world.scan(&at, &scanner.rays)))
+    }
+
+    /// What a map of the home from the present state is made of.
+    #[must_use]
+    pub fn map_source(&self, with_objects: bool) -> MapSource {
+        let floor = match &self.person {
+            None => Floor::new(&self.model, &self.scene),
+            Some(person) => Floor::occupied(&self.model, &self.scene, person, |arm| {
+                self.arm_balls.is_clear(person, &self.model, arm)
+            }),
+        };
+        let objects = self.snapshot.objects.iter().map(|object| object.pose);
+        let objects: Vec<_> = objects.filter(|_| with_objects).collect();
+        let chair = self.snapshot.links.first().map(|link| link.pose);
+        MapSource::new(&floor, &self.scene, &chair.unwrap_or_default(), &objects)
     }
 
     /// Hash over the whole state; `Some` once per simulated second.

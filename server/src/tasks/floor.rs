@@ -532,7 +532,7 @@ fn is_within([x0, x1, y0, y1]: [f64; 4], place: &Pose2) -> bool {
 }
 
 /// A pose of the chair on the floor plan.
-fn on_floor(pose: &Isometry3<f64>) -> Pose2 {
+pub(super) fn on_floor(pose: &Isometry3<f64>) -> Pose2 {
     let forward = pose.rotation * Vector3::x();
     Pose2 {
         x: pose.translation.x,
@@ -566,7 +566,7 @@ fn footprint_check(outlines: Outlines, scene: &Scene) -> FootprintCheck {
 }
 
 /// The same footprint among the furniture of `scene`, with doors and drawers also `ajar`.
-fn among(mut check: FootprintCheck, scene: &Scene, ajar: bool) -> FootprintCheck {
+pub(super) fn among(mut check: FootprintCheck, scene: &Scene, ajar: bool) -> FootprintCheck {
     for (index, body) in scene.furniture.iter().enumerate() {
         let joint = scene.joint_of(index).filter(|_| ajar);
         let out = joint.map(|joint| {

@@ -60,11 +60,17 @@ fn angles(bounds: &Aabb, world_from_scanner: &Isometry3<f64>, greatest: f64) -> 
         world_from_scanner.inverse_transform_point(&corner.into())
     });
     let heights = corners.iter().map(|corner| corner.z);
-    let (below, above) = (heights.clone().any(|z| z <= 0.0), heights.clone().any(|z| z >= 0.0));
+    let (below, above) = (
+        heights.clone().any(|z| z <= 0.0),
+        heights.clone().any(|z| z >= 0.0),
+    );
     if !(below && above) {
         return None;
     }
-    let middle = corners.iter().fold(Vector3::zeros(), |sum, c| sum + c.coords) / 8.0;
+    let middle = corners
+        .iter()
+        .fold(Vector3::zeros(), |sum, c| sum + c.coords)
+        / 8.0;
     let reach = corners.iter().map(|corner| (corner.coords - middle).norm());
     if middle.norm() - reach.fold(0.0, f64::max) > greatest {
         return None;

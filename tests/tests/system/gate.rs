@@ -238,6 +238,7 @@ fn reads_a_request(query: Query) -> bool {
     match query {
         Query::Lease
         | Query::Reach
+        | Query::Map
         | Query::Pick
         | Query::Reset
         | Query::Playback

@@ -39,6 +39,17 @@ pub const STATUS: &str = manual!(
 "
 );
 
+/// `wheelarm map`.
+pub const MAP: &str = manual!(
+    "  wheelarm map
+  wheelarm map --out maps --name anna-flat
+  ros2 run nav2_map_server map_server --ros-args -p yaml_filename:=maps/anna-flat.yaml
+",
+    "  0  the map was printed or written
+  1  no server replied
+"
+);
+
 /// `wheelarm pack`.
 pub const PACK: &str = manual!(
     "  wheelarm pack check anna-flat

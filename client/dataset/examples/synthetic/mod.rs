@@ -280,12 +280,20 @@ impl Random {
             .encode_to_vec(),
             TopicId::Scan => v1::Scan {
                 header,
-                ranges: self.list(RAYS as usize).into_iter().map(|x| x as f32).collect(),
+                ranges: self
+                    .list(RAYS as usize)
+                    .into_iter()
+                    .map(|x| x as f32)
+                    .collect(),
             }
             .encode_to_vec(),
             TopicId::SensedScan => v1::SensedScan {
                 header,
-                ranges: self.list(RAYS as usize).into_iter().map(|x| x as f32).collect(),
+                ranges: self
+                    .list(RAYS as usize)
+                    .into_iter()
+                    .map(|x| x as f32)
+                    .collect(),
             }
             .encode_to_vec(),
             TopicId::SensedImu => v1::SensedImu {
@@ -404,18 +412,20 @@ pub fn started(label: &str) -> v1::EpisodeStarted {
         joints: ["drawer_1_joint", "drawer_2_joint"]
             .map(String::from)
             .to_vec(),
-        robot: wheelarm_dataset::read::first_robot().ok().map(|robot| v1::RobotDescription {
-            scanner: Some(v1::ScannerDescription {
-                frame: "scanner_link".into(),
-                link: robot.root_link.clone(),
-                angle_step: 0.25,
-                rays: RAYS,
-                least_range: 0.06,
-                greatest_range: 12.0,
-                ..v1::ScannerDescription::default()
+        robot: wheelarm_dataset::read::first_robot()
+            .ok()
+            .map(|robot| v1::RobotDescription {
+                scanner: Some(v1::ScannerDescription {
+                    frame: "scanner_link".into(),
+                    link: robot.root_link.clone(),
+                    angle_step: 0.25,
+                    rays: RAYS,
+                    least_range: 0.06,
+                    greatest_range: 12.0,
+                    ..v1::ScannerDescription::default()
+                }),
+                ..robot
             }),
-            ..robot
-        }),
         ..v1::EpisodeStarted::default()
     }
 }

@@ -108,10 +108,9 @@ impl Axis {
             Self::Objects => &mut context.objects,
             Self::FurnitureJoints => &mut context.furniture_joints,
             Self::Conditions => &mut context.conditions,
-            Self::Rays
-            | Self::Vertices
-            | Self::Contacts
-            | Self::Names(_) | Self::Components(_) => return,
+            Self::Rays | Self::Vertices | Self::Contacts | Self::Names(_) | Self::Components(_) => {
+                return;
+            }
         };
         names.clone_into(entries);
     }

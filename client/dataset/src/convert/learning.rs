@@ -47,7 +47,9 @@ pub fn reads(stream: &str) -> bool {
 #[must_use]
 pub fn scan(recording: &Recording) -> Option<&Signal> {
     let aligned = &recording.aligned;
-    let on = SCANS.iter().find(|stream| !aligned.whole_rows(&[stream], &[]).is_empty())?;
+    let on = SCANS
+        .iter()
+        .find(|stream| !aligned.whole_rows(&[stream], &[]).is_empty())?;
     aligned.signal(on, "ranges")
 }
 
@@ -56,7 +58,13 @@ pub fn scan(recording: &Recording) -> Option<&Signal> {
 #[must_use]
 pub fn finite_ranges(ranges: &[f64], scanner: &v1::ScannerDescription) -> Vec<f64> {
     let greatest = scanner.greatest_range;
-    let finite = |range: f64| if range.is_nan() { greatest } else { range.clamp(0.0, greatest) };
+    let finite = |range: f64| {
+        if range.is_nan() {
+            greatest
+        } else {
+            range.clamp(0.0, greatest)
+        }
+    };
     ranges.iter().copied().map(finite).collect()
 }
 

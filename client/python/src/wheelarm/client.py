@@ -57,6 +57,12 @@ class Client(Connection):
         """
         return self.request(v1.ReachRequest(pose=pose, near_joints=list(near_joints), **more))
 
+    def map(self, *, without_objects: bool = False) -> v1.MapReply:
+        """The floor of the home in cells of 5 cm: where something stands, where this chair gets
+        to, rooms and doors. ``numpy.frombuffer(map.free, "i1").reshape(map.height, map.width)``
+        has y rows upwards: 0 free, 100 not, -1 outside."""
+        return self.request(v1.MapRequest(without_objects=without_objects))
+
     def reset(
         self,
         scenario: v1.Scenario | Mapping[str, Any] | None = None,

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from geometry_msgs.msg import Pose, PoseStamped, Twist, TwistStamped
-from nav_msgs.msg import Odometry
+from nav_msgs.msg import OccupancyGrid, Odometry
 from peer import until
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image, Imu, JointState, LaserScan
@@ -109,6 +109,21 @@ def test_scans_equal_those_of_a_wheelarm_client(server, bridge, peer, probe):
     transforms = until(lambda: list(static) and static[-1].transforms, "no static transforms")
     mounts = [one for one in transforms if one.child_frame_id == "scanner_link"]
     assert [one.header.frame_id for one in mounts] == ["wheelchair_root"]
+
+
+def test_maps_equal_those_of_a_wheelarm_client(server, bridge, peer, probe):
+    endpoint = server("--no-cameras")
+    bridge(endpoint)
+    home = probe(endpoint).client.map(without_objects=True)
+    for topic, layer in {"map": home.occupied, "map/free": home.free}.items():
+        messages = peer.subscribe(topic, OccupancyGrid, LATCHED)
+        grid = until(lambda found=messages: list(found) and found[-1], f"no {topic}")
+        assert grid.header.frame_id == "house"
+        assert (grid.info.width, grid.info.height) == (home.width, home.height)
+        assert (grid.info.origin.position.x, grid.info.origin.position.y) == (home.x, home.y)
+        assert math.isclose(grid.info.resolution, 0.05, rel_tol=1e-6)
+        assert grid.data.tobytes() == layer
+        assert {0, 100} <= set(grid.data) <= {-1, 0, 100}
 
 
 def test_states_equal_those_of_a_wheelarm_client(server, bridge, peer, probe):

@@ -2,10 +2,12 @@
 //! ([`scenario()`]), scene and task (`scene`), commands and robot state (`robot`).
 //! Every incoming message is checked by `wheelarm_proto::check` first.
 
+mod map;
 mod robot;
 mod scenario;
 mod scene;
 
+pub use map::home_map;
 pub use robot::{
     applied_groups, arm_problem, body_twist, control_input, frame_pose, reach_problem,
 };

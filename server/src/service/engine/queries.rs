@@ -37,6 +37,7 @@ impl Engine {
         match kind {
             Query::Scene => self.answer_scene(query),
             Query::Tasks => self.answer_tasks(query),
+            Query::Map => self.answer_map(query, &payload),
             Query::Pick => self.answer_pick(query, &payload),
             Query::Packs => self.answer_packs(query),
             Query::PackPut => self.answer_pack_put(query, &payload),
@@ -209,6 +210,7 @@ impl Engine {
             Query::Scene
             | Query::Tasks
             | Query::Lease
+            | Query::Map
             | Query::Pick
             | Query::Packs
             | Query::PackPut
@@ -333,6 +335,21 @@ impl Engine {
                 ..scene.as_ref().clone()
             };
             Ok(reply.encode_to_vec().into())
+        });
+    }
+
+    /// Makes a map on another thread.
+    fn answer_map(&mut self, query: zenoh::query::Query, payload: &[u8]) {
+        let request: v1::MapRequest = match decode(payload) {
+            Ok(request) => request,
+            Err(why) => return self.refuse(query, why),
+        };
+        let source = self.sim.map_source(!request.without_objects);
+        let stamp = self.stamp();
+        let header = Some(stamp.clone());
+        self.shared.replies.answer_later(query, stamp, move || {
+            let reply = convert::home_map(&source.map());
+            Ok(v1::MapReply { header, ..reply }.encode_to_vec().into())
         });
     }
 

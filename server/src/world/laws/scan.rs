@@ -47,7 +47,11 @@ fn to_sphere(radius: f64, origin: &Point3<f64>, along: &Vector3<f64>) -> Option<
 /// Distance to the wall of an upright cylinder about z, for rays that stay between its ends.
 fn to_wall(radius: f64, origin: &Point3<f64>, along: &Vector3<f64>) -> Option<f64> {
     let (from, to) = (origin.coords.xy(), along.xy());
-    smaller_root(to.norm_squared(), from.dot(&to), from.norm_squared() - radius * radius)
+    smaller_root(
+        to.norm_squared(),
+        from.dot(&to),
+        from.norm_squared() - radius * radius,
+    )
 }
 
 /// Distance along a ray to the bodies at their poses.
@@ -102,7 +106,16 @@ fn distances_equal_an_independent_ray_cast_also_to_moving_bodies() {
         let turn = UnitQuaternion::from_euler_angles(0.0, 0.0, turn);
         Isometry3::from_parts(Translation3::new(x, y, 0.5), turn)
     };
-    let wall = |name: &str, pose| body(name, pose, 0.6, Shape::Cuboid { half: [0.05, 1.5, 0.5] });
+    let wall = |name: &str, pose| {
+        body(
+            name,
+            pose,
+            0.6,
+            Shape::Cuboid {
+                half: [0.05, 1.5, 0.5],
+            },
+        )
+    };
     let post = Shape::Cylinder {
         radius: 0.03,
         half_height: 0.5,
@@ -154,9 +167,16 @@ fn distances_in_the_home_equal_an_independent_ray_cast_and_the_robot_is_not_seen
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
     let home = Scene::load(&assets, "home").expect("the home of this repository");
     let placements: Vec<Placement> = Vec::new();
-    let (model, furnished) = (model(), Scene { objects: Vec::new(), ..home });
+    let (model, furnished) = (
+        model(),
+        Scene {
+            objects: Vec::new(),
+            ..home
+        },
+    );
     let arm = model.settings.home;
-    let world = World::new(&model, &furnished, &placements, &furnished.start, &arm).expect("a world");
+    let world =
+        World::new(&model, &furnished, &placements, &furnished.start, &arm).expect("a world");
     let at = furnished.start * pose_at(0.3, 0.0, 0.22);
     let origin = Point3::from(at.translation.vector);
     let bodies = || furnished.furniture.iter().map(|body| (body, body.pose));

@@ -254,12 +254,16 @@ const SCAN: &str = "observation.scan";
 
 /// The laser scans of a block, if the robot had a scanner.
 fn scans(block: &Block<'_>) -> Option<Column> {
-    let (signal, scanner) = learning::scan(block.recording).zip(block.recording.robot.scanner.as_ref())?;
+    let (signal, scanner) =
+        learning::scan(block.recording).zip(block.recording.robot.scanner.as_ref())?;
     let rows = (0..block.part.1).map(|i| signal.row(block.row(i)));
     let rows = rows.flat_map(|row| learning::finite_ranges(row, scanner));
     Some(Column {
         name: SCAN.to_owned(),
-        cells: Cells::F32(vec![signal.meta.width()], rows.map(|range| range as f32).collect()),
+        cells: Cells::F32(
+            vec![signal.meta.width()],
+            rows.map(|range| range as f32).collect(),
+        ),
     })
 }
 

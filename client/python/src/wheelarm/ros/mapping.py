@@ -27,11 +27,12 @@ from geometry_msgs.msg import (
     Vector3,
     Vector3Stamped,
 )
-from nav_msgs.msg import Odometry
+from nav_msgs.msg import MapMetaData, OccupancyGrid, Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image, Imu, JointState, LaserScan
 from std_msgs.msg import Header
 
+from .robot import WORLD
 from .tree import Transform as TreeTransform
 
 #: Encodings of depth: metres as float32, or millimetres as 16 bits (REP 118).
@@ -152,6 +153,24 @@ def laser_scan(sample, scanner, rate_hz: float) -> LaserScan:
         range_min=scanner.least_range,
         range_max=scanner.greatest_range,
         ranges=array.array("f", sample.ranges),
+    )
+
+
+def occupancy_grid(home, layer: str) -> OccupancyGrid:
+    """A layer of ``wheelarm.v1.MapReply``, ``occupied`` or ``free``, in the world frame."""
+    stamp = home.header.stamp_nanos
+    cells = array.array("b")
+    cells.frombytes(getattr(home, layer))
+    return OccupancyGrid(
+        header=header(stamp, WORLD),
+        info=MapMetaData(
+            map_load_time=time(stamp),
+            resolution=home.resolution,
+            width=home.width,
+            height=home.height,
+            origin=Pose(position=Point(x=home.x, y=home.y), orientation=Quaternion(w=1.0)),
+        ),
+        data=cells,
     )
 
 

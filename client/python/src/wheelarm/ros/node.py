@@ -9,7 +9,7 @@ from collections import deque
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
-from nav_msgs.msg import Odometry
+from nav_msgs.msg import OccupancyGrid, Odometry
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock as RosClock
 from rclpy.clock import ClockType
@@ -48,6 +48,8 @@ STREAMS = [
 ]
 #: Topic of each stream of laser scans.
 SCANS = {"scan": "scan", "sensed_scan": "sensed/scan"}
+#: Field of ``wheelarm.v1.MapReply`` of each map topic.
+MAPS = {"map": "occupied", "map/free": "free"}
 #: Streams without a ROS topic. `tests/test_contract.py` requires each stream in one of the lists.
 UNPUBLISHED = [
     "sensed_joint",
@@ -258,6 +260,8 @@ class WheelArmNode(Node):
             self.outputs.declare(topic, kind)
         self.outputs.declare("robot_description", String, LATCHED)
         self.outputs.declare("furniture_description", String, LATCHED)
+        for layer in MAPS:
+            self.outputs.declare(layer, OccupancyGrid, LATCHED)
         self.outputs.declare("furniture/joint_states", JointState)
         if self.options.publish_tf:
             self.outputs.declare("/tf", TFMessage, TRANSFORMS)
@@ -317,6 +321,9 @@ class WheelArmNode(Node):
         self.outputs.publish_latched(
             "furniture_description", String(data=self.furniture.urdf)
         )
+        home = self.client.map(without_objects=True)
+        for topic, layer in MAPS.items():
+            self.outputs.publish_latched(topic, mapping.occupancy_grid(home, layer))
         if self.options.publish_tf:
             self.outputs.publish_latched("/tf_static", self._static(status, scene, robot))
 
