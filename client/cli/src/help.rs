@@ -38,7 +38,7 @@ const CONNECTION: [&str; 5] = ["connect", "sim", "connect_timeout", "keys", "use
 const WITH_KEYS: [&str; 3] = ["keys", "users", "router"];
 
 /// Commands that connect to a running server.
-const CONNECTED: [&str; 14] = [
+const CONNECTED: [&str; 15] = [
     "status", "tasks", "map", "reset", "pause", "resume", "shutdown", "teleop", "drive", "operate",
     "lease", "preview", "watch", "record", "episode",
 ];

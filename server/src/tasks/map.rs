@@ -82,7 +82,7 @@ impl MapSource {
         objects: &[Isometry3<f64>],
     ) -> Self {
         let levels = floor.check.levels.iter();
-        let outlines = levels.map(|level| (level.top, level.outline)).collect();
+        let outlines: Vec<_> = levels.map(|level| (level.top, level.outline)).collect();
         // As in sampling: homes of packs start with closed doors and drawers.
         let ajar = scene.pack.is_none();
         let mut check = among(FootprintCheck::from_outlines(outlines), scene, ajar);

@@ -4,7 +4,7 @@
 use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Isometry3, Vector3};
-use rapier3d::parry::query::{Ray, RayCast as _};
+use rapier3d::parry::query::Ray;
 use rapier3d::prelude::{Aabb, Collider};
 use wheelarm_proto::exact;
 

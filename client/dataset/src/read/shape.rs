@@ -82,7 +82,7 @@ impl Episode {
         let mut lengths = Vec::new();
         for axis in info.axes {
             lengths.push(match axis {
-                Axis::Joints | Axis::ArmJoints | Axis::Frames => {
+                Axis::Joints | Axis::ArmJoints | Axis::Frames | Axis::Rays => {
                     Some(axis.len(self.robot_context()?))
                 }
                 Axis::Components(_) | Axis::Contacts => Some(axis.len(&Context::default())),

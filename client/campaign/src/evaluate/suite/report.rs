@@ -54,6 +54,49 @@ pub struct PolicyId {
     pub deterministic: bool,
 }
 
+impl PolicyId {
+    /// What another policy has that changes its episodes, with the fix; `None` when they act
+    /// alike. A ledger changes no episode.
+    #[must_use]
+    pub fn difference(&self, other: &Self) -> Option<String> {
+        let or_none = |text: &str| if text.is_empty() { "none" } else { text }.to_owned();
+        let (own_mode, mode) = (self.deterministic, other.deterministic);
+        let all = [
+            (
+                "its weights are",
+                &self.weights,
+                &other.weights,
+                "use the same file",
+            ),
+            (
+                "its name is",
+                &self.name,
+                &other.name,
+                "use the same policy",
+            ),
+            (
+                "the digest of its files is",
+                &self.files,
+                &other.files,
+                "use the same files",
+            ),
+        ];
+        let mut all = all.into_iter().filter(|(_, own, other, _)| own != other);
+        let of_files = all.next().map(|(what, own, other, fix)| {
+            format!(
+                "{what} {}, and those of --policy {}; {fix}",
+                or_none(own),
+                or_none(other)
+            )
+        });
+        of_files.or_else(|| match (own_mode, mode) {
+            (true, false) => Some("they were made with --deterministic; add it".to_owned()),
+            (false, true) => Some("they were made without --deterministic; remove it".to_owned()),
+            _ => None,
+        })
+    }
+}
+
 /// Episodes that ran with one program on one machine.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -314,6 +357,22 @@ mod tests {
     fn report() -> SuiteReport {
         let suite = suite();
         SuiteReport::new(&suite, identity(&suite), Vec::new(), rows(&suite))
+    }
+
+    #[test]
+    fn a_policy_differs_by_what_changes_its_episodes_and_not_by_its_ledger() {
+        let own = identity(&suite()).policy;
+        let with = |change: fn(&mut PolicyId)| {
+            let mut other = own.clone();
+            change(&mut other);
+            own.difference(&other)
+        };
+        assert_eq!(with(|other| other.ledger = None), None);
+        assert_eq!(with(|other| other.undeclared.clear()), None);
+        let weights = with(|other| other.weights = "abc".to_owned()).unwrap();
+        assert!(weights.contains("abc; use the same file"), "{weights}");
+        let mode = with(|other| other.deterministic = !other.deterministic).unwrap();
+        assert!(mode.contains("--deterministic"), "{mode}");
     }
 
     /// The error of a report that `change` edited and wrote with a right digest.

@@ -163,11 +163,9 @@ fn repeat(
         .with_context(|| format!("making the folder {}", args.out.display()))?;
     let tested = Tested::start(&evaluate, suite)?;
     let identity = tested.identity(&evaluate, suite);
-    ensure!(
-        identity.policy == *policy,
-        "the results are of the policy {policy:?}, and --policy is {:?}: use the same files and options",
-        identity.policy
-    );
+    if let Some(difference) = policy.difference(&identity.policy) {
+        bail!("--rerun needs the policy of the results: {difference}");
+    }
     let nanos = SystemTime::UNIX_EPOCH
         .elapsed()
         .map_or(0, |time| time.as_nanos() as u64);
