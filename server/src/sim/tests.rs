@@ -511,6 +511,44 @@ fn no_start_anywhere_touches_the_person() {
     assert!(folded > 6, "the arm starts folded {folded} times of 24");
 }
 
+/// Starts of the seeds, which the same free-space code accepts, are on the free floor of the
+/// map, with and without a person.
+#[test]
+fn the_map_has_the_floor_of_every_start_and_what_stands_on_it() {
+    let empty = simulation(scenario("pick_mustard"));
+    let map = empty.map_source(true).map();
+    let seated = simulation(Scenario {
+        person: Some(PersonSetting::default()),
+        ..scenario("pick_mustard")
+    });
+    let occupied = seated.map_source(true).map();
+    let free = |map: &crate::tasks::HomeMap| map.free.marked().iter().filter(|c| **c).count();
+    assert!(free(&occupied) < free(&map), "knees and feet need floor");
+    assert!(free(&occupied) * 2 > free(&map));
+    for seed in 0..12 {
+        let sim = simulation(Scenario {
+            seed,
+            starts: Starts::Anywhere,
+            ..scenario("pick_bowl")
+        });
+        let at = sim.snapshot().links[0].pose.translation.vector;
+        assert!(map.free.contains([at.x, at.y]), "seed {seed}: {at:?}");
+        assert!(!map.standing.contains([at.x, at.y]), "seed {seed}: {at:?}");
+    }
+    for body in &empty.scene().furniture[1..] {
+        let boxes = crate::tasks::collision_boxes(body);
+        for solid in boxes.filter(|solid| {
+            let [low, high] = solid.heights();
+            low < 0.3 && high > 0.1
+        }) {
+            let at = solid.rectangle().centre;
+            assert!(map.standing.contains(at), "{} at {at:?}", body.name);
+            assert!(!map.free.contains(at), "{} at {at:?}", body.name);
+        }
+    }
+    assert!(map.rooms.is_empty() && map.doors.is_empty());
+}
+
 #[test]
 fn a_start_inside_furniture_or_the_person_is_rejected_with_name_and_depth() {
     let refused = |scenario: Scenario| match Simulation::new(&assets(), scenario.clone()) {

@@ -66,6 +66,36 @@ fn server_makes_the_home_that_a_scenario_names_and_returns_its_digests() {
             (&scenario.scene, &scenario.packs, &scenario.objects)
         );
     }
+    // The map of the home: its rooms, doors and files of Nav2.
+    let map = client.request(&v1::MapRequest::default()).expect("a map");
+    let cells = map.width as usize * map.height as usize;
+    assert_eq!([map.occupied.len(), map.free.len()], [cells; 2]);
+    assert!(map.free.contains(&0) && map.occupied.contains(&100));
+    assert!(map.occupied.contains(&u8::MAX), "cells outside of the home");
+    assert!(!map.rooms.is_empty() && !map.doors.is_empty());
+    assert!(map.doors.iter().all(|door| door.clear_width <= door.width));
+    let output = Command::new(program("wheelarm").expect("the client"))
+        .args(["--connect", &server.endpoint, "--sim", &server.name])
+        .args(["map", "--name", "studio", "--layer", "free", "--out"])
+        .arg(&made)
+        .output()
+        .expect("a process");
+    assert!(output.status.success(), "{}", printed(&output));
+    let image = fs::read(made.join("studio.pgm")).expect("an image");
+    let head = format!("P5\n{} {}\n255\n", map.width, map.height);
+    assert!(image.starts_with(head.as_bytes()) && image.len() == head.len() + cells);
+    let top_right = image.last().copied();
+    let level = match map.free[map.width as usize - 1] {
+        0 => 254,
+        100 => 0,
+        _ => 205,
+    };
+    assert_eq!(
+        top_right,
+        Some(level),
+        "the last row of the image is the first of the map"
+    );
+
     // A layout seed alone is another layout of the plan.
     let other = reset(v1::Scenario {
         layout_seed: Some(4),

@@ -12,7 +12,7 @@ use wheelarm_tests::{IdleCommander, Recorder, Server, printed, program, root, wa
 const SMALL: [&str; 4] = ["--camera", "gen3=160x96@10", "--pacing", "lock-step"];
 
 /// Every kind of model except the command delay, which changes the simulation.
-const SENSORS: [&str; 8] = [
+const SENSORS: [&str; 12] = [
     "--sensor",
     "kinova_vision@gen3",
     "--sensor",
@@ -21,6 +21,10 @@ const SENSORS: [&str; 8] = [
     "odometry",
     "--sensor",
     "encoders",
+    "--sensor",
+    "scanner",
+    "--scan-rate-hz",
+    "10",
 ];
 
 fn wheelarm(folder: &Path, args: &[&str]) -> String {
@@ -68,7 +72,12 @@ fn sensor_samples_are_recorded_and_replayed_bit_by_bit_without_changing_the_simu
     let path = file.to_string_lossy().into_owned();
     let fine = wheelarm(here, &["dataset", "validate", &path]);
     assert!(fine.contains("1 of 1 recordings are fine"), "{fine}");
-    for stream in ["sensor/gen3_color", "sensor/gen3_depth", "sensed_imu"] {
+    for stream in [
+        "sensor/gen3_color",
+        "sensor/gen3_depth",
+        "sensed_imu",
+        "sensed_scan",
+    ] {
         let info = wheelarm(here, &["dataset", "info", &path]);
         assert!(info.contains(stream), "{info}");
     }
@@ -109,6 +118,15 @@ fn sensor_samples_are_recorded_and_replayed_bit_by_bit_without_changing_the_simu
     let truth = episode.f64s("imu", "angular_velocity").expect("rad/s");
     assert_eq!(noisy.shape(), truth.shape());
     assert_ne!(noisy, truth);
+    let [exact_scan, noisy_scan] =
+        ["scan", "sensed_scan"].map(|stream| episode.f64s(stream, "ranges").expect("m"));
+    assert_eq!(exact_scan.shape(), [20, 720]);
+    assert_eq!(noisy_scan.shape(), exact_scan.shape());
+    let errors = noisy_scan.iter().zip(&exact_scan);
+    let errors = errors.filter(|(noisy, exact)| noisy.is_finite() && exact.is_finite());
+    let most = errors.map(|(noisy, exact)| (noisy - exact).abs() / exact);
+    let most = most.fold(0.0, f64::max);
+    assert!((0.005..0.05).contains(&most), "{most}");
 
     // A replay has the same bits.
     wheelarm(here, &["replay", &path, "--out", "again"]);
@@ -131,6 +149,8 @@ fn sensor_samples_are_recorded_and_replayed_bit_by_bit_without_changing_the_simu
         ("sensed_odometry", "pose"),
         ("sensed_joint", "position"),
         ("sensed_joint", "effort"),
+        ("scan", "ranges"),
+        ("sensed_scan", "ranges"),
     ] {
         let [was, is] = [&episode, &again].map(|e| e.f64s(stream, column).expect("a column"));
         let same = was
@@ -164,7 +184,7 @@ fn sensor_samples_are_recorded_and_replayed_bit_by_bit_without_changing_the_simu
     let features = here.join("exported-lerobot/meta/info.json");
     let features = std::fs::read_to_string(features).expect("features");
     assert!(
-        features.contains("observation.images.gen3_depth"),
+        features.contains("observation.images.gen3_depth") && features.contains("observation.scan"),
         "{features}"
     );
 }
