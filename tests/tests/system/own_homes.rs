@@ -75,7 +75,7 @@ fn server_makes_the_home_that_a_scenario_names_and_returns_its_digests() {
     assert!(!map.rooms.is_empty() && !map.doors.is_empty());
     assert!(map.doors.iter().all(|door| door.clear_width <= door.width));
     let output = Command::new(program("wheelarm").expect("the client"))
-        .args(["--connect", &server.endpoint, "--sim", &server.name])
+        .args(["--connect", &server.endpoint, "--sim", &server.sim])
         .args(["map", "--name", "studio", "--layer", "free", "--out"])
         .arg(&made)
         .output()
