@@ -147,7 +147,8 @@ pub enum SimError {
 
 impl SimError {
     /// Whether another seed may succeed: the error is in a sample of the scenario, not
-    /// in the request.
+    /// in the request. In campaigns over homes the seed selects the home, and a home need not
+    /// offer every task.
     #[must_use]
     pub fn is_of_one_draw(&self) -> bool {
         matches!(
@@ -160,6 +161,7 @@ impl SimError {
                 | Self::NoSentence { .. }
                 | Self::Overlap { .. }
                 | Self::RobotOverlap { .. }
+                | Self::Scene(SceneError::NotOffered { .. })
         )
     }
 }
@@ -208,4 +210,28 @@ pub enum StateError {
         /// Value in the scenario.
         expected: String,
     },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_home_without_the_task_is_one_draw_and_a_wrong_file_is_not() {
+        let not_offered = SceneError::NotOffered {
+            task: "take_mug_in_kitchen".into(),
+            missing: "no place in a kitchen".into(),
+            scene: "studio-nordic-3".into(),
+            available: "kitchens: none".into(),
+        };
+        assert!(SimError::from(not_offered).is_of_one_draw());
+        let malformed = SceneError::Value {
+            file: "scenes/home.toml".into(),
+            key: "start".into(),
+            found: "x".into(),
+            expected: "a pose".into(),
+            cure: "correct it".into(),
+        };
+        assert!(!SimError::from(malformed).is_of_one_draw());
+    }
 }
