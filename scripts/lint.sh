@@ -11,11 +11,14 @@ case " $* " in *" --crate-name build_script_"*) exec "${clippy[@]}" ;; esac
 clippy=("${clippy[@]/#--emit=*/--emit=dep-info,metadata}")
 "${clippy[@]/%.rlib/.rmeta}"
 
-# Documented are libraries and programs, as by `cargo doc`.
+# Documented are libraries, and the program without one: the others are a file without links.
 private=()
 case " $* " in
 *" --test "* | *"/release/examples "*) exit ;;
-*" --crate-type bin "*) private=(--document-private-items) ;;
+*" --crate-type bin "*)
+    [ ! -e "$CARGO_MANIFEST_DIR/src/lib.rs" ] || exit 0
+    private=(--document-private-items)
+    ;;
 esac
 shift
 arguments=()
