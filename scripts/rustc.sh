@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
-# The compiler of `make test` (RUSTC_WRAPPER): compiles tests without optimisation, except
-# those of packages that compute much. Programs and libraries are compiled as always, and a
-# later `make demo` uses them. docs/results/build-time.md has the times.
+# The compiler of `make test` (RUSTC_WRAPPER): compiles tests, and the programs that only tests
+# run, without optimisation, except tests of packages that compute much. Other programs and
+# libraries are compiled as always, and a later `make demo` uses them. docs/results/build-time.md
+# has the times.
 set -euo pipefail
 case " $* " in
-*" --test "*) ;;
+*" --test "* | *" --crate-name wheelarm_test_"*) ;;
 *) exec "$@" ;;
 esac
 case " $* " in

@@ -180,7 +180,7 @@ fn check_bag(folder: &Path, recording: &Path) {
 fn check_videos(folder: &Path, recording: &Path) {
     let file = recording.display();
     let line = format!(
-        "wheelarm dataset video {file} --out data/plain.mp4 --plain --camera gen3 --width 320"
+        "wheelarm dataset video {file} --out data/plain.mp4 --plain --camera gen3 --width 192"
     );
     let output = shell(folder, &line);
     assert!(output.status.success(), "{line}: {}", printed(&output));
