@@ -272,7 +272,7 @@ fn query_selects_another_place_where_the_robot_does_not_reach_the_first() {
     let reach = rooms.model.read_reach_map(&assets()).unwrap();
     let floor = Floor::new(&rooms.model, &scene).by_maps(&scene, reach, Starts::Anywhere);
     // Until two seeds keep their place and two get another.
-    let mut seen = [0; 2];
+    let mut counts = [0; 2];
     for seed in 0..8 {
         let variant = variant_of(&task, seed, None).expect("a place");
         let settled = || task.settled(variant, &scene, seed, "").expect("a target");
@@ -284,17 +284,17 @@ fn query_selects_another_place_where_the_robot_does_not_reach_the_first() {
         let ((_, variant), found) = sampled(&|_, _| true);
         assert!(found.scene.is_complete(), "seed {seed}");
         assert!(variant.name.starts_with("table_1"), "{}", variant.name);
-        seen[usize::from(!plain.is_complete())] += 1;
+        counts[usize::from(!plain.is_complete())] += 1;
         if !plain.is_complete() {
             // A named place is not replaced.
             let ((_, variant), found) = sampled(&|variant, _| variant == own.name);
             assert!(!found.scene.has_reach && variant.name == own.name);
         }
-        if seen.iter().all(|count| *count >= 2) {
+        if counts.iter().all(|count| *count >= 2) {
             return;
         }
     }
-    assert!(seen.iter().all(|count| *count > 0), "{seen:?}");
+    assert!(counts.iter().all(|count| *count > 0), "{counts:?}");
 }
 
 /// Every task of the built-in home can be sampled by the maps.
