@@ -79,9 +79,9 @@ TEST_THREADS ?= $(shell n=$$(nproc); echo $$((n > 3 ? n : 3)))
 RUN_EXAMPLES := --example camera --example memory --example policy
 # GNU make 4.4 would give cargo its own two jobs.
 ALONE := env -u MAKEFLAGS -u MFLAGS
-# What clippy makes of `-D warnings`. With it, documentation uses the crates that clippy
-# has checked; else the whole workspace is checked twice.
-CLIPPY_ARGS := -D__CLIPPY_HACKERY__warnings__CLIPPY_HACKERY__
+# Another number of units than the profile's gives the crates of this repository names of their
+# own: the lints check them, and find the others built.
+LINT_UNITS := CARGO_PROFILE_RELEASE_CODEGEN_UNITS=15
 # Seconds until the lints begin; see there.
 LINTS_AFTER ?= 20
 # burn compiles for minutes: only `make test-learn` builds client/learn.
@@ -140,11 +140,8 @@ test:
 # Prints only what fails: the output of the tests appears at the same time. Begins when
 # `cargo test` has released the lock of the target folder: else the tests would wait.
 lints:
-	sleep $(LINTS_AFTER); log=$$(nice -n 19 sh -ec '\
-		$(ALONE) $(CARGO) clippy --release --workspace $(WITHOUT_LEARN) --all-targets -- -D warnings && \
-		RUSTC_WORKSPACE_WRAPPER="$$(rustc --print sysroot)/bin/clippy-driver" CLIPPY_ARGS=$(CLIPPY_ARGS) RUSTDOCFLAGS="-D warnings" \
-		$(ALONE) $(CARGO) doc --release --workspace $(WITHOUT_LEARN) --no-deps' 2>&1) \
-		|| { printf '%s\n' "$$log"; exit 1; }
+	sleep $(LINTS_AFTER); log=$$($(LINT_UNITS) RUSTC_WRAPPER="$(CURDIR)/scripts/lint.sh" $(ALONE) nice -n 19 \
+		$(CARGO) build --release --workspace $(WITHOUT_LEARN) --all-targets 2>&1) || { printf '%s\n' "$$log"; exit 1; }
 
 suites: export WHEELARM_NO_SKIPS = 1
 # Entries of other builds must not affect tests.

@@ -1,6 +1,7 @@
 //! Tests of the bundled home (budgets, lanes, origins) and of errors in broken files.
 
 use std::path::PathBuf;
+use std::sync::OnceLock;
 
 use nalgebra::{Point2, Vector2};
 
@@ -12,9 +13,11 @@ pub(crate) fn assets() -> PathBuf {
     PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../assets"))
 }
 
-/// The home.
+/// The home, loaded once.
 pub(crate) fn home() -> Scene {
-    Scene::load(&assets(), "home").unwrap_or_else(|error| panic!("{error}"))
+    static HOME: OnceLock<Scene> = OnceLock::new();
+    let load = || Scene::load(&assets(), "home").unwrap_or_else(|error| panic!("{error}"));
+    HOME.get_or_init(load).clone()
 }
 
 /// Every scene of the assets with its name.

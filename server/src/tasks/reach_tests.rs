@@ -126,7 +126,7 @@ fn every_possible_target_is_reachable_in_every_scene() {
             let mut scene = home();
             scene.keep_optional(&variant.furniture);
             let reach = Reach::new(&scene);
-            for seed in 0..30 {
+            for seed in 0..12 {
                 let drawn = sample(&spec, variant, &scene, seed, None);
                 let (pose, grasps, inwards) = match scene.object_named(&drawn.target) {
                     Some(object) => {

@@ -180,7 +180,7 @@ fn check_bag(folder: &Path, recording: &Path) {
 fn check_videos(folder: &Path, recording: &Path) {
     let file = recording.display();
     let line = format!(
-        "wheelarm dataset video {file} --out data/plain.mp4 --plain --camera gen3 --width 320"
+        "wheelarm dataset video {file} --out data/plain.mp4 --plain --camera gen3 --width 192"
     );
     let output = shell(folder, &line);
     assert!(output.status.success(), "{line}: {}", printed(&output));
@@ -253,7 +253,7 @@ fn stand_ins_of_the_original_scripts_process_our_files() {
     // Images of the size that the stand-ins expect, and more than their 249 samples.
     let output = shell(
         folder,
-        "wheelarm demo --seed 2 --width 64 --height 36 --rate 20 --no-sheet --out raw\n\
+        "wheelarm demo --seed 0 --width 64 --height 36 --rate 20 --no-sheet --out raw\n\
          wheelarm dataset export --format wheelarm-sim raw --out original\n\
          wheelarm dataset export --format csv raw --out csv",
     );
@@ -262,13 +262,13 @@ fn stand_ins_of_the_original_scripts_process_our_files() {
         Command::new(&python)
             .arg(root().join("tests/python/run_original_scripts.py"))
             .arg(scripts)
-            .args([samples, "csv/pick_mustard-seed2/final_data.csv", work])
+            .args([samples, "csv/pick_mustard-seed0/final_data.csv", work])
             .current_dir(folder)
             .output()
             .expect("a process")
     };
     let standins = root().join("tests/python/standins");
-    let output = run(&standins, "original/pick_mustard-seed2.hdf5", "work");
+    let output = run(&standins, "original/pick_mustard-seed0.hdf5", "work");
     let text = printed(&output);
     assert!(output.status.success(), "{text}");
     for words in [
@@ -359,7 +359,8 @@ fn check_page(page: &Path) {
 fn check_rows_between_samples(folder: &Path) {
     let output = shell(
         folder,
-        "wheelarm demo --seed 2 --width 64 --height 48 --rate 8 --no-sheet --out data/eight\n\
+        "wheelarm replay data/session/pick_mustard-seed0.h5 --camera gen3=64x48@8 \\\n\
+         --camera wheelchair=64x48@8 --out data/eight\n\
          wheelarm dataset align data/eight --out data/eight-aligned\n\
          wheelarm dataset align data/eight --interpolation linear --out data/eight-linear",
     );

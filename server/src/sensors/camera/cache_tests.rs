@@ -64,7 +64,7 @@ fn image(
 #[test]
 fn images_are_the_same_in_every_state_of_the_cache() {
     let ([scene, other], now) = scenes();
-    let fresh = |scene| image(&Graphics::default(), scene, &now, false);
+    let fresh = |scene| image(&Graphics::for_test(), scene, &now, false);
     let Some(wanted) = fresh(&scene).zip(fresh(&other)) else {
         return;
     };
@@ -72,7 +72,7 @@ fn images_are_the_same_in_every_state_of_the_cache() {
     let folder = std::env::temp_dir().join(format!("scenes{}", std::process::id()));
     let _ = std::fs::remove_dir_all(&folder);
     let store = |folder: &Path| Store::at(Some(folder.to_owned()), LIMIT);
-    let process = |folder: &Path| Graphics::default().caching(store(folder));
+    let process = |folder: &Path| Graphics::for_test().caching(store(folder));
     let check = |graphics: &Graphics, state: &str| {
         // The second scene copies layers of the first, the third uses its parts.
         for (scene, wanted) in [

@@ -120,7 +120,7 @@ fn a_large_image_compresses_as_well_as_on_the_cpu() {
 fn several_renderers_of_one_device_deflate_at_once() {
     let scene = floor_and_box();
     let cameras = sizes();
-    let graphics = Graphics::for_adapter(None).packing(Packing::Adapter);
+    let graphics = Graphics::for_test().packing(Packing::Adapter);
     let mut renderers = Vec::new();
     for _ in 0..3 {
         match Renderer::over(&graphics, &scene, &cameras, Quality::Fast) {

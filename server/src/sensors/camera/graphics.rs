@@ -136,6 +136,17 @@ impl Graphics {
         })
     }
 
+    /// The device and the pipelines of all tests in this process, and caches of its own.
+    #[cfg(test)]
+    pub(super) fn for_test() -> Self {
+        use std::sync::OnceLock;
+        static KEPT: OnceLock<Arc<Mutex<CachedParts>>> = OnceLock::new();
+        Self {
+            kept: Arc::clone(KEPT.get_or_init(Arc::default)),
+            ..Self::default()
+        }
+    }
+
     /// A separate device for a test.
     #[cfg(test)]
     pub(super) fn device(&self) -> Result<OpenDevice, RenderError> {

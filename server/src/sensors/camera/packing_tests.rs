@@ -14,7 +14,7 @@ pub(super) fn both(
     quality: Quality,
 ) -> Option<[Renderer; 2]> {
     let made = [Packing::Adapter, Packing::Processor].map(|packing| {
-        let graphics = Graphics::for_adapter(None).packing(packing);
+        let graphics = Graphics::for_test().packing(packing);
         match Renderer::over(&graphics, scene, cameras, quality) {
             Ok(renderer) => Some(renderer),
             Err(reason @ RenderError::NoDriver) => {

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use crate::people::{BodyPart, HeadPose, Person, PersonSetting};
 use crate::robot::RobotModel;
 use crate::scene::Scene;
-use crate::sensors::camera::{CameraSpec, Quality, RenderScene, Renderer};
+use crate::sensors::camera::{CameraSpec, Graphics, Quality, RenderScene, Renderer};
 use crate::sim::{Scenario, Simulation};
 use crate::snapshot::{PersonState, Snapshot};
 
@@ -70,7 +70,8 @@ impl Stage {
         let mut mounts = model.settings.cameras.iter();
         let mount = mounts.find(|c| c.name == "wheelchair").expect("a camera");
         let camera = CameraSpec::on_robot(model, mount, SIZE).expect("a camera");
-        match Renderer::new(&scene_with_person, &[camera], quality, None) {
+        let graphics = Graphics::for_test();
+        match Renderer::over(&graphics, &scene_with_person, &[camera], quality) {
             Ok(renderer) => Some((scene_with_person, renderer)),
             Err(e) => {
                 eprintln!("cannot render here: {e}");

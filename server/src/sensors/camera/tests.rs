@@ -110,7 +110,17 @@ pub(super) fn renderer(
     cameras: &[CameraSpec],
     quality: Quality,
 ) -> Option<Renderer> {
-    match Renderer::new(scene, cameras, quality, None) {
+    renderer_over(&Graphics::for_test(), scene, cameras, quality)
+}
+
+/// The same with the caches of other scenes.
+fn renderer_over(
+    graphics: &Graphics,
+    scene: &RenderScene,
+    cameras: &[CameraSpec],
+    quality: Quality,
+) -> Option<Renderer> {
+    match Renderer::over(graphics, scene, cameras, quality) {
         Ok(renderer) => Some(renderer),
         Err(reason @ RenderError::NoDriver) => {
             wheelarm_proto::program::skipped(&reason.to_string());
@@ -480,9 +490,11 @@ fn a_look_changes_only_colours_and_glass_keeps_depth_and_id() {
             (seed > 0).then(|| SampledAppearance::new(appearance, &home, &assets).unwrap());
         RenderScene::with_appearance(&robot, &home, &assets, appearance.as_ref()).unwrap()
     });
+    let graphics = Graphics::for_test();
     for quality in [Quality::Draft, Quality::Standard, Quality::High] {
         let image = |seed: usize| {
-            let frame = renderer(&scenes[seed], &cameras, quality)?.render(&now, &[0]);
+            let renderer = renderer_over(&graphics, &scenes[seed], &cameras, quality);
+            let frame = renderer?.render(&now, &[0]);
             Some(frame.unwrap().remove(0))
         };
         let Some(plain) = image(0) else {

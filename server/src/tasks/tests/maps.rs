@@ -158,7 +158,7 @@ fn starts_by_the_maps_use_every_reached_room_and_no_closed_one() {
     let at_home = rooms.footprint(&settings.outlines);
     let stowed = rooms.footprint(&travel.outlines);
     let (mut starts, mut at_home_in) = ([0; 4], [0; 4]);
-    for seed in 0..120 {
+    for seed in 0..60 {
         let sample = rooms.sample(&rooms.task.area, seed, &floor);
         assert!(sample.has_start && sample.has_reach, "seed {seed}");
         let at = sample.start.translation.vector;
@@ -187,13 +187,13 @@ fn starts_by_the_maps_use_every_reached_room_and_no_closed_one() {
     assert_eq!(store, 0, "{starts:?}");
     // Each has about a third of the poses.
     assert!(
-        [kitchen, hall, study].into_iter().all(|room| room > 15),
+        [kitchen, hall, study].into_iter().all(|room| room > 8),
         "{starts:?}"
     );
     // The arm is stowed where it has no room only, also in the room with the narrow door.
     let [.., in_study, _] = at_home_in;
     assert!(
-        in_study > 8 && in_study < study,
+        in_study > 3 && in_study < study,
         "{at_home_in:?} of {starts:?}"
     );
 }
@@ -271,7 +271,8 @@ fn query_selects_another_place_where_the_robot_does_not_reach_the_first() {
     let task = TaskSpec::load(&assets(), name, &scene, &hand()).expect("a task");
     let reach = rooms.model.read_reach_map(&assets()).unwrap();
     let floor = Floor::new(&rooms.model, &scene).by_maps(&scene, reach, Starts::Anywhere);
-    let mut replaced = 0;
+    // Until two seeds keep their place and two get another.
+    let mut counts = [0; 2];
     for seed in 0..8 {
         let variant = variant_of(&task, seed, None).expect("a place");
         let settled = || task.settled(variant, &scene, seed, "").expect("a target");
@@ -283,14 +284,17 @@ fn query_selects_another_place_where_the_robot_does_not_reach_the_first() {
         let ((_, variant), found) = sampled(&|_, _| true);
         assert!(found.scene.is_complete(), "seed {seed}");
         assert!(variant.name.starts_with("table_1"), "{}", variant.name);
+        counts[usize::from(!plain.is_complete())] += 1;
         if !plain.is_complete() {
-            replaced += 1;
             // A named place is not replaced.
             let ((_, variant), found) = sampled(&|variant, _| variant == own.name);
             assert!(!found.scene.has_reach && variant.name == own.name);
         }
+        if counts.iter().all(|count| *count >= 2) {
+            return;
+        }
     }
-    assert!((1..8).contains(&replaced), "{replaced}");
+    assert!(counts.iter().all(|count| *count > 0), "{counts:?}");
 }
 
 /// Every task of the built-in home can be sampled by the maps.
@@ -298,18 +302,24 @@ fn query_selects_another_place_where_the_robot_does_not_reach_the_first() {
 fn tasks_of_the_home_are_in_reach_by_the_maps() {
     let model = RobotModel::load(&assets(), "wheelarm").unwrap();
     let reach = model.read_reach_map(&assets()).unwrap();
+    // Variants with the same furniture share scene and floor.
+    let mut floors: Vec<(Vec<String>, Scene, Floor)> = Vec::new();
     for task in list(&assets(), &hand()).unwrap_or_else(|error| panic!("{error}")) {
-        for seed in 0..2 {
-            let variant = variant_of(&task, seed, None).expect("a variant");
+        let variant = variant_of(&task, 0, None).expect("a variant");
+        if !floors.iter().any(|(of, ..)| *of == variant.furniture) {
             let mut scene = home();
             scene.keep_optional(&variant.furniture);
-            let floor = Floor::new(&model, &scene).by_maps(&scene, reach.clone(), Starts::Anywhere);
-            let sample = sample(&task, variant, &scene, seed, Some(&floor)).scene;
-            let at = format!("{} seed {seed}", task.name);
-            assert!(
-                sample.has_start && sample.has_reach && sample.clearance >= 0.0,
-                "{at}"
-            );
+            let floor = Floor::new(&model, &scene);
+            let floor = floor.by_maps(&scene, reach.clone(), Starts::Anywhere);
+            floors.push((variant.furniture.clone(), scene, floor));
         }
+        let shared = floors.iter().find(|(of, ..)| *of == variant.furniture);
+        let (_, scene, floor) = shared.expect("a floor");
+        let sample = sample(&task, variant, scene, 0, Some(floor)).scene;
+        assert!(
+            sample.has_start && sample.has_reach && sample.clearance >= 0.0,
+            "{}",
+            task.name
+        );
     }
 }
