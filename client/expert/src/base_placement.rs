@@ -11,6 +11,7 @@ use super::habits::Habits;
 use super::scene::SceneModel;
 use wheelarm_planning::arm_access::furthest_at;
 use wheelarm_planning::footprint_check::{Pose2, wrap};
+use wheelarm_planning::leaf_push::{ARM_STEPS, sampled_lines};
 
 /// Answers whether the end effector can reach poses in `base_link`.
 pub trait ArmReachability {
@@ -35,11 +36,8 @@ pub struct BasePlacement {
 const STEP: f64 = 0.025;
 /// A hand from above is best this much nearer than a level one, metres.
 const NEARER: f64 = 0.14;
-/// Spacing of the poses of the hand's path that are checked, metres, and greatest change of a
-/// joint between two of them, radians: more means that the arm would have to fold over.
-const USUAL: [f64; 2] = [0.10, 1.0];
-/// The same for a path on which the hand must stay level: near a singularity the joints are
-/// too slow to keep it so.
+/// Steps, as [`ARM_STEPS`], for a path on which the hand must stay level: near a singularity
+/// the joints are too slow to keep it so.
 pub const GENTLE: [f64; 2] = [0.04, 0.25];
 
 /// A sampled direction of the chair for a candidate.
@@ -175,7 +173,7 @@ pub fn reaches(
     poses: &[Isometry3<f64>],
     reach: &mut dyn ArmReachability,
 ) -> bool {
-    reaches_within(base_from_tool, poses, USUAL, reach)
+    reaches_within(base_from_tool, poses, ARM_STEPS, reach)
 }
 
 /// The same with no joint changing by more than the second of `steps`, radians, in poses that
@@ -186,17 +184,7 @@ pub fn reaches_within(
     [spacing, change]: [f64; 2],
     reach: &mut dyn ArmReachability,
 ) -> bool {
-    let mut start = *base_from_tool;
-    let mut line = vec![start];
-    for pose in poses {
-        let length = (pose.translation.vector - start.translation.vector)
-            .norm()
-            .max(0.3 * start.rotation.angle_to(&pose.rotation));
-        let samples = (length / spacing).ceil().max(1.0) as usize;
-        let share = |sample| sample as f64 / samples as f64;
-        line.extend((1..=samples).map(|sample| start.lerp_slerp(pose, share(sample))));
-        start = *pose;
-    }
+    let line = sampled_lines(base_from_tool, poses, spacing);
     reach.follows(&line, change)
 }
 

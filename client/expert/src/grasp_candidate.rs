@@ -6,6 +6,7 @@ use std::f64::consts::{PI, TAU};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use wheelarm_planning::arm_access::{LEVEL_LEANS, LOW, leans};
 use wheelarm_planning::footprint_check::Pose2;
+use wheelarm_planning::leaf_push::{LeafPush, PushShape};
 use wheelarm_proto::exact;
 
 use super::clearance::Surroundings;
@@ -39,6 +40,8 @@ pub struct GraspCandidate {
     pub wish: f64,
     /// The demonstration that it is of; `None` for one of the operator's own.
     pub shown: Option<Shown>,
+    /// Closed fingers push a door shut here, instead of a grasp.
+    pub push: Option<PushShape>,
 }
 
 /// Of which demonstration a grasp candidate is.
@@ -90,6 +93,8 @@ const FINGER_TIP: f64 = 0.012;
 /// Clearance between the fingers and the limbs of a deformable object before they
 /// enter, metres.
 const OUTSIDE: f64 = 0.015;
+/// What is within this distance of a door's hinge may be in the way of a hand at it, metres.
+const BESIDE_DOOR: f64 = 1.6;
 /// The handle is the part of a slide this close to the grasp point, metres.
 const HANDLE: f64 = 0.02;
 
@@ -110,7 +115,11 @@ pub fn candidates(
     };
     // A leaning hand presses into the lap: what is laid there is taken the plain way.
     let habits = habits.filter(|_| !matches!(goal, Goal::Give { .. }));
-    let mut candidates = Vec::new();
+    let mut candidates = pushes(scene, goal, house_from_item, poses, margin);
+    // Of an open door, hardly any placement reaches the handle.
+    if !candidates.is_empty() {
+        return candidates;
+    }
     for grasp in scene.grasps.iter().filter(|g| g.item == goal.item()) {
         let point = house_from_item * grasp.item_from_grasp * Point3::origin();
         let around = surroundings(scene, goal, poses, &point);
@@ -236,8 +245,44 @@ fn deepest(
                 cost: backoff / 0.02 * 0.3,
                 wish: 0.0,
                 shown: None,
+                push: None,
             })
         })
+}
+
+/// Pushes of closed fingers against the door of a goal that closes one, each at its present
+/// angle.
+fn pushes(
+    scene: &SceneModel,
+    goal: &Goal,
+    house_from_item: &Isometry3<f64>,
+    poses: &[Isometry3<f64>],
+    margin: f64,
+) -> Vec<GraspCandidate> {
+    let Goal::Close { item, slide, .. } = *goal else {
+        return Vec::new();
+    };
+    let Some((leaf, (_, aim))) = scene.leaf(slide).zip(goal.aim(scene)) else {
+        return Vec::new();
+    };
+    let angle = scene.slides[slide].position_at(house_from_item);
+    let point = Point3::from(house_from_item.translation.vector);
+    let around = scene.near(&point, BESIDE_DOOR, poses, Some(item));
+    let found = leaf.pushes(&scene.hand.closed(), [angle, aim], &around.boxes, margin);
+    let of_push = |push: LeafPush| GraspCandidate {
+        pregrasp: push.before,
+        grasp: push.contact,
+        opening: 0.0,
+        width: 0.0,
+        force: None,
+        lean: push.shape.down,
+        backoff: 0.0,
+        cost: push.cost,
+        wish: push.cost,
+        shown: None,
+        push: Some(push.shape),
+    };
+    found.unwrap_or_default().into_iter().map(of_push).collect()
 }
 
 /// Distance before a grasp at which the fingers are outside the limbs of a deformable

@@ -2,17 +2,10 @@
 //! are read from the gripper's description.
 
 use nalgebra::Vector3;
+pub use wheelarm_planning::leaf_push::Ball;
+use wheelarm_planning::leaf_push::ClosedHand;
 use wheelarm_proto::check::{self, Invalid};
 use wheelarm_proto::v1;
-
-/// One ball, in the end effector's frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ball {
-    /// Middle, metres.
-    pub centre: Vector3<f64>,
-    /// Radius, metres.
-    pub radius: f64,
-}
 
 /// Plans count lengths of the linkage in steps of this many to a metre, 10 µm:
 /// finer than any hand is made.
@@ -127,6 +120,12 @@ impl Hand {
             })
         });
         self.body.iter().copied().chain(fingers).collect()
+    }
+
+    /// The hand with closed fingers.
+    #[must_use]
+    pub fn closed(&self) -> ClosedHand {
+        ClosedHand::new(self.balls(0.0))
     }
 }
 

@@ -2,14 +2,16 @@
 
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 use wheelarm_proto::check::{self, Invalid};
+use wheelarm_proto::exact;
 use wheelarm_proto::furniture::JointMotion;
 use wheelarm_proto::geometry::normalized;
 use wheelarm_proto::v1;
 
 use super::hand::Hand;
 use super::observation::Observation;
-use wheelarm_planning::footprint_check::{Limb, Outline, occupied};
+use wheelarm_planning::footprint_check::{Limb, Outline, occupied, wrap};
 use wheelarm_planning::handle::LAGS;
+use wheelarm_planning::leaf_push::HingedLeaf;
 use wheelarm_planning::obb::Obb;
 
 /// A movable object: a rigid or deformable object, or furniture that slides.
@@ -81,6 +83,22 @@ impl Slide {
             }
         }
         poses
+    }
+
+    /// Its position at a pose in `house`, metres or radians.
+    #[must_use]
+    pub fn position_at(&self, pose: &Isometry3<f64>) -> f64 {
+        match self.motion {
+            JointMotion::Slides => {
+                let moved = pose.translation.vector - self.rest.translation.vector;
+                moved.dot(&self.axis)
+            }
+            JointMotion::Turns => {
+                let turn = pose.rotation * self.rest.rotation.inverse();
+                let half = exact::atan2(turn.imag().dot(&self.axis), turn.scalar());
+                wrap(2.0 * half)
+            }
+        }
     }
 
     /// Shares of its angle by which a hand may lag about the handle, the least first.
@@ -368,6 +386,17 @@ impl SceneModel {
         observation.objects.iter().copied().chain(slides).collect()
     }
 
+    /// Furniture on a hinge as a door that may be pushed; `None` for what slides.
+    #[must_use]
+    pub fn leaf(&self, slide: usize) -> Option<HingedLeaf> {
+        let slide = self.slides.get(slide)?;
+        (slide.motion == JointMotion::Turns).then(|| HingedLeaf {
+            rest: slide.rest,
+            axis: slide.axis,
+            boxes: self.items[slide.item].boxes.clone(),
+        })
+    }
+
     /// `base_link` in `house`.
     #[must_use]
     pub fn house_from_base(&self, observation: &Observation) -> Isometry3<f64> {
@@ -433,8 +462,12 @@ mod tests {
         assert!((turned(&rigid) - 0.8).abs() < 1e-9 && (turned(&lagging) - 0.16).abs() < 1e-9);
         let drawer = Slide {
             motion: JointMotion::Slides,
-            ..door
+            ..door.clone()
         };
         assert_eq!(drawer.lags(), [0.0]);
+        for (slide, position) in [(&door, 1.2), (&door, -0.3), (&drawer, 0.2)] {
+            let found = slide.position_at(&slide.pose(position));
+            assert!((found - position).abs() < 1e-9, "{found}");
+        }
     }
 }

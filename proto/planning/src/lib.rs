@@ -15,6 +15,7 @@ pub mod grid;
 pub mod handle;
 pub mod hybrid_a_star;
 mod lattice;
+pub mod leaf_push;
 mod nearby;
 pub mod obb;
 pub mod occupancy;

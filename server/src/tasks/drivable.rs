@@ -10,6 +10,7 @@ use wheelarm_planning::floor_map::{
 };
 use wheelarm_planning::footprint_check::Pose2;
 use wheelarm_planning::hybrid_a_star::DriveGoal;
+use wheelarm_planning::obb::Obb;
 use wheelarm_planning::posture_routes::PostureRoutes;
 use wheelarm_planning::postures::{Posture, PostureFloor, PostureReach};
 
@@ -88,6 +89,25 @@ impl Drivable {
                 false => reach,
             },
             ground: ground.clone(),
+        }
+    }
+
+    /// The same floor with further boxes on it: paths lead around them.
+    pub(super) fn among(&self, boxes: &[Obb]) -> Self {
+        let mut routes = PostureRoutes::clone(&self.ground.routes);
+        let stowed = routes.stowed.iter_mut().flatten();
+        for check in std::iter::once(&mut routes.home).chain(stowed) {
+            for obb in boxes {
+                check.put(obb.rectangle(), obb.heights());
+            }
+        }
+        let ground = Ground {
+            routes: Arc::new(routes),
+            ..self.ground.clone()
+        };
+        Self {
+            ground,
+            ..self.clone()
         }
     }
 

@@ -21,6 +21,7 @@ use wheelarm_proto::settings::Starts;
 use super::area::{AreaSpec, Range, StartSpec, Variant};
 use super::drivable::{Drivable, Ground};
 use super::grasp_reach::{GraspReach, Solid};
+use super::leaf_reach::PushingArm;
 use super::random::{index, number, stream};
 use crate::people::{Capsule, HeadPose, Person};
 use crate::robot::{CorridorSettings, OutlineSettings, RobotModel};
@@ -71,7 +72,8 @@ pub struct Floor {
     /// The arm's base in the chair, x and y, metres.
     mount: [f64; 2],
     /// Least and greatest distance from the arm's base to a grasp, metres.
-    range: [f64; 2],
+    pub(super) range: [f64; 2],
+    pub(super) arm: PushingArm,
     /// Space that the hand needs.
     hand: CorridorSettings,
     maps: Option<Maps>,
@@ -132,6 +134,7 @@ impl Floor {
             travel: travel.map(|travel| (outlines(&travel.outlines), travel.joints)),
             mount: [0, 1].map(|i| model.arm_mount().translation.vector[i]),
             range: [reach.nearest, reach.furthest.min(FURTHEST)],
+            arm: PushingArm::new(model),
             hand: settings.gripper.corridor,
             maps: None,
         }
@@ -514,7 +517,7 @@ impl Floor {
 }
 
 /// Outlines by height, bottom up.
-fn outlines(settings: &[OutlineSettings]) -> Outlines {
+pub(super) fn outlines(settings: &[OutlineSettings]) -> Outlines {
     let outline = |o: &OutlineSettings| (o.top, Outline { sides: o.footprint });
     settings.iter().map(outline).collect()
 }

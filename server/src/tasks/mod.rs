@@ -6,9 +6,9 @@
 //!   its objects.
 //! - `home_query` reads a task without an area: queries for places of a home
 //!   (`place_query`) and for objects of the `stock`.
-//! - `scene_sampling` samples a scene from area and seed, independent of the task.
 //! - `scene_sampling` samples a scene from area and seed, independent of the task. By the
-//!   rules of `sampling_rules`, `floor`, `drivable` and `grasp_reach` limit starts and objects.
+//!   rules of `sampling_rules`, `floor`, `drivable` and `grasp_reach` limit starts and objects,
+//!   and `leaf_reach` doors of furniture that are to be closed.
 //! - `task_sampling` then selects a target in it, and `sentence` generates an
 //!   instruction by the grammar when a scenario requests one.
 //! - `evaluate` evaluates snapshots by the `predicates` of the template.
@@ -34,6 +34,7 @@ mod grasp_reach;
 mod home_query;
 mod home_sites;
 mod joint_query;
+mod leaf_reach;
 mod load;
 mod map;
 mod name_check;

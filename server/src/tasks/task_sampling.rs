@@ -6,6 +6,7 @@ use wheelarm_planning::posture_routes::STOP_GOALS;
 
 use super::area::Variant;
 use super::floor::Floor;
+use super::leaf_reach::choose_angle;
 use super::random::{index, stream};
 use super::scene_sampling::{SceneSample, sample_scene, variant};
 use super::spec::TaskSpec;
@@ -58,6 +59,9 @@ pub fn sample(
     let sentence = one_of(&spec.instructions);
     drawn.has_reach &=
         floor.is_none_or(|floor| is_goal_reached((spec, variant), scene, (&target, &drawn), floor));
+    drawn.has_reach &= floor.is_none_or(|floor| {
+        !drawn.is_complete() || choose_angle(spec, (scene, &target), &mut drawn, seed, floor)
+    });
     let instruction = in_words(&sentence, spec, variant, scene, &drawn, &target);
     TaskSample {
         scene: drawn,

@@ -75,6 +75,7 @@ pub fn candidates(
                         turn: *turn,
                         chair: on_floor(&(frame * one.object_from_chair)),
                     }),
+                    push: None,
                 });
             }
         }
@@ -167,6 +168,7 @@ pub fn puttings(
             cost: f64::from(u8::from(index != taken.index)),
             wish: 0.0,
             shown: Some(Shown { index, ..*taken }),
+            push: None,
         })
     };
     indices.into_iter().filter_map(candidate).collect()

@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 
 use nalgebra::{Isometry3, Translation3};
 
-use super::{Now, bring, lift, place, tuck};
-use crate::base_placement::{self, BasePlacement};
+use super::{Now, bring, lift, place, push, tuck};
+use crate::base_placement::{self, BasePlacement, GENTLE};
 use crate::demonstration::adapt;
 use crate::drive::Drive;
 use crate::goal::Goal;
@@ -17,6 +17,7 @@ use wheelarm_planning::footprint_check::{FootprintCheck, Pose2};
 use wheelarm_planning::hybrid_a_star::{DriveGoal, Segment};
 use wheelarm_planning::posture_routes::STOP_GOALS;
 use wheelarm_planning::route_planner::RoutePlanner;
+use wheelarm_proto::furniture::JointMotion;
 
 /// Placements that are checked for reach and path per stop.
 const PLACES: usize = 120;
@@ -31,7 +32,8 @@ const PATHLESS: usize = 12;
 const NEIGHBOUR: [f64; 2] = [0.045, 0.15];
 /// Goals of one search are at least this far apart, metres and radians.
 const APART: [f64; 2] = [0.1, 0.2];
-/// Levels of requirements on a placement: the whole work, or only its first step.
+/// Levels of requirements on a placement: the whole work, or only its first step. A door that
+/// turns is opened gently before that.
 const LEVELS: usize = 2;
 /// A placement that did not work is not taken again within this, metres and radians.
 const LEFT: [f64; 2] = [0.12, 0.25];
@@ -44,6 +46,22 @@ const SPACING: f64 = 0.04;
 /// Nodes of all path searches after which a base search ends: two complete ones. Where the
 /// floor map shows a way, but the chair has no path, more placements rarely have one.
 const NODES: usize = 90_000;
+
+/// Checks of the arm after which planning a drive ends, with all its base searches: each that
+/// fails takes the server some 3 ms. Without a bound, a plan took more than 60 s.
+const ARM_CHECKS: usize = 5_000;
+
+/// Levels of requirements for the goal.
+fn levels(now: &Now<'_>) -> usize {
+    let slide = now.goal.slide().and_then(|i| now.scene.slides.get(i));
+    let turns = slide.is_some_and(|slide| slide.motion == JointMotion::Turns);
+    LEVELS + usize::from(turns)
+}
+
+/// Whether planning a drive has taken as long as it may.
+fn is_exhausted(now: &Now<'_>, routes: &RoutePlanner) -> bool {
+    routes.nodes() > NODES || now.memory.arm_checks > ARM_CHECKS
+}
 
 /// Purpose of a stop of the chair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,6 +79,9 @@ struct Wanted {
     /// Poses after it: for each level of requirements, the highest first, lists of
     /// poses, one of which must be reachable.
     then: Vec<Vec<Vec<Isometry3<f64>>>>,
+    /// At the highest level no joint has to be quick after the approach: a hand that holds a
+    /// door must not be late.
+    gently: bool,
 }
 
 /// Poses that a base placement must reach.
@@ -73,8 +94,13 @@ fn wanted(
     let mut approach = vec![candidate.pregrasp, candidate.grasp];
     if purpose == Purpose::Put {
         let then = vec![vec![Vec::new()]];
-        return Wanted { approach, then };
+        return Wanted {
+            approach,
+            then,
+            gently: false,
+        };
     }
+    let mut gently = false;
     let height = lift::height(now.goal, now.profile.grasp.lift);
     let mut raised = lift::lift_paths(house_from_base, &candidate.grasp, height);
     if let Some(shown) = &candidate.shown {
@@ -106,10 +132,17 @@ fn wanted(
             let chair = house_from_base * now.scene.chair_from_base.inverse();
             vec![bring::after(now, &chair, candidate), raised]
         }
+        Goal::Close { slide, .. } if candidate.push.is_some() => {
+            let ways = push::ways(now, *slide, candidate);
+            // The first third of the way.
+            let begin = |way: &Vec<_>| way[..way.len().div_ceil(3)].to_vec();
+            vec![ways.clone(), ways.iter().map(begin).collect()]
+        }
         Goal::Open { slide, .. } | Goal::Close { slide, .. } => {
             let slide_now = now.observation.slides.get(*slide).copied().unwrap_or(0.0);
             let joint = &now.scene.slides[*slide];
             let aim = now.goal.aim(now.scene).map_or(slide_now, |(_, aim)| aim);
+            gently = joint.motion == JointMotion::Turns;
             let pulled = |share: f64| {
                 let by = (aim - slide_now) * share;
                 let tool = now.scene.tool_length;
@@ -117,10 +150,17 @@ fn wanted(
                 lags.map(|lag| joint.carried_about_bar(&candidate.grasp, by, (*lag, tool)))
                     .collect::<Vec<_>>()
             };
-            vec![pulled(1.0), pulled(0.3)]
+            match gently {
+                true => vec![pulled(1.0), pulled(1.0), pulled(0.3)],
+                false => vec![pulled(1.0), pulled(0.3)],
+            }
         }
     };
-    Wanted { approach, then }
+    Wanted {
+        approach,
+        then,
+        gently,
+    }
 }
 
 impl Wanted {
@@ -132,6 +172,10 @@ impl Wanted {
         house_from_chair: &Isometry3<f64>,
         never: impl FnOnce(),
     ) -> bool {
+        let Some(lists) = self.then.get(level) else {
+            return false;
+        };
+        now.memory.arm_checks += 1;
         let tool = now.observation.base_from_tool;
         let scene = now.scene;
         let mut reaches = |poses: &[Isometry3<f64>]| {
@@ -142,10 +186,19 @@ impl Wanted {
             never();
             return false;
         }
-        self.then.get(level).is_some_and(|lists| {
-            lists
-                .iter()
-                .any(|list| reaches(&[&self.approach[..], &list[..]].concat()))
+        let reached = |list: &&Vec<_>| reaches(&[&self.approach[..], &list[..]].concat());
+        let mut reached = lists.iter().filter(reached);
+        if !self.gently || level > 0 {
+            return reached.next().is_some();
+        }
+        let reached: Vec<_> = reached.collect();
+        let base_from_house = (house_from_chair * scene.chair_from_base).inverse();
+        let at = |pose: &Isometry3<f64>| base_from_house * pose;
+        reached.into_iter().any(|list| {
+            let list: Vec<_> = list.iter().map(at).collect();
+            self.approach.last().is_some_and(|grasp| {
+                base_placement::reaches_within(&at(grasp), &list, GENTLE, now.reach)
+            })
         })
     }
 }
@@ -225,11 +278,11 @@ pub(super) fn find_narrow(now: &mut Now<'_>, purpose: Purpose) -> Option<(Drive,
             purpose,
             candidates,
         };
-        for level in 0..LEVELS {
+        for level in 0..levels(&now) {
             if let Some(found) = choice.drive_to_any(&placements, level, &mut now, &mut routes) {
                 return Some(found);
             }
-            if routes.nodes() > NODES {
+            if is_exhausted(&now, &routes) {
                 return None;
             }
         }
@@ -260,7 +313,7 @@ pub(crate) fn find_with(
     let rounds = rounds.flat_map(|most| MARGINS.map(|margin| (most, margin)));
     for (most, margin) in rounds {
         // Others would have no way either.
-        if most == MORE_PLACES && tally.unreached == 0 {
+        if most == MORE_PLACES && tally.unreached == 0 || is_exhausted(now, routes) {
             break;
         }
         let candidates = candidates(now, purpose, margin);
@@ -291,7 +344,7 @@ pub(crate) fn find_with(
             candidates,
         };
         // Placements from which everything can be done come first.
-        for level in 0..LEVELS {
+        for level in 0..levels(now) {
             for (placements, most) in &placements {
                 let mut search = Search {
                     routes: &mut *routes,
@@ -314,7 +367,7 @@ pub(crate) fn find_with(
 }
 
 /// Obstacles of the chair after the goal's slide is open; `None` for other goals.
-fn opened(now: &Now<'_>) -> Option<FootprintCheck> {
+pub(super) fn opened(now: &Now<'_>) -> Option<FootprintCheck> {
     let Goal::Open { slide, .. } = now.goal else {
         return None;
     };
@@ -370,7 +423,8 @@ impl Choice {
         let (mut looked, mut without_path) = (0, 0);
         let mut refused: Vec<(Pose2, usize)> = Vec::new();
         for placement in placements {
-            if looked == most || without_path > PATHLESS || search.routes.nodes() > NODES {
+            let is_over = is_exhausted(now, search.routes);
+            if looked == most || without_path > PATHLESS || is_over {
                 break;
             }
             // Neighbours of a placement that did not do rarely do better.
@@ -437,7 +491,8 @@ impl Choice {
         let mut goals: Vec<(usize, (DriveGoal, f64))> = Vec::new();
         let mut looked = 0;
         for placement in placements {
-            if looked == MORE_PLACES || stops.len() == STOP_GOALS {
+            let is_over = is_exhausted(now, routes);
+            if looked == MORE_PLACES || stops.len() == STOP_GOALS || is_over {
                 break;
             }
             let is_near = |stop: &&BasePlacement| {

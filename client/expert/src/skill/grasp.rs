@@ -30,6 +30,10 @@ pub struct Grasp {
 impl Skill for Grasp {
     fn step(&mut self, now: &mut Now<'_>) -> Step {
         let observation = now.observation;
+        // Closed fingers push.
+        if now.memory.candidate.is_some_and(|one| one.push.is_some()) {
+            return Step::Done;
+        }
         let begun = *self.begun.get_or_insert(observation.time);
         let mut act = Act::named(Phase::Grasping, "closing");
         if self.play.is_none()

@@ -16,8 +16,10 @@ pub mod place;
 pub mod play;
 pub mod prepare;
 pub mod pull;
+mod push;
 pub mod reach;
 pub mod release;
+mod shift;
 pub mod stow;
 mod stowed_drive;
 mod tuck;
@@ -127,6 +129,8 @@ pub struct Memory {
     pub held: Option<Isometry3<f64>>,
     /// The object in `house` before it was grasped.
     pub rest: Option<Isometry3<f64>>,
+    /// Checks of the arm since the present drive is planned.
+    pub arm_checks: usize,
     /// Notes for people.
     pub notes: Vec<String>,
     /// The scenario hinders the robot: what is taken may be moved by others.

@@ -59,7 +59,7 @@ impl Motion {
     }
 
     /// In a shape.
-    fn shaped(now: &Now<'_>, stops: &[(Isometry3<f64>, f64)], shape: &Shape) -> Self {
+    pub(super) fn shaped(now: &Now<'_>, stops: &[(Isometry3<f64>, f64)], shape: &Shape) -> Self {
         let base_from_house = now.scene.house_from_base(now.observation).inverse();
         let stops: Vec<_> = stops
             .iter()

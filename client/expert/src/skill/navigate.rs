@@ -81,6 +81,7 @@ impl Navigate {
     }
 
     fn plan(&mut self, now: &mut Now<'_>) -> Step {
+        now.memory.arm_checks = 0;
         let region = now.goal.region();
         let is_far = region.is_some_and(|region| tuck::is_far(&now.object(), &region));
         if self.purpose == Purpose::Put && (is_far || self.is_tucked) {

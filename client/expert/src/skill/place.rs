@@ -204,6 +204,7 @@ pub fn taken(now: &Now<'_>, tool_from_item: &Isometry3<f64>) -> GraspCandidate {
         cost: 0.0,
         wish: 0.0,
         shown: None,
+        push: None,
     })
 }
 
@@ -270,6 +271,7 @@ fn own(
                 cost: (turn / 0.7).powi(2),
                 wish: 0.0,
                 shown: None,
+                push: None,
             }
         })
         .collect()

@@ -7,7 +7,7 @@ use wheelarm_proto::v1::Phase;
 
 use super::motion::{Motion, Progress};
 use super::play::{Play, Played};
-use super::{Act, Now, Skill, Step, bring, lift};
+use super::{Act, Now, Skill, Step, bring, lift, push};
 use crate::demonstration::adapt;
 use crate::goal::Goal;
 use crate::grasp_candidate::{self, GraspCandidate, MARGINS};
@@ -519,6 +519,7 @@ fn then_from_pregrasp(now: &Now<'_>, candidate: &GraspCandidate) -> Vec<Vec<Isom
                 height,
             )
         }
+        Goal::Close { slide, .. } if candidate.push.is_some() => push::ways(now, *slide, candidate),
         Goal::Open { slide, .. } | Goal::Close { slide, .. } => {
             let joint = &now.scene.slides[*slide];
             let first = match now.goal {

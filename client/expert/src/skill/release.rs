@@ -79,7 +79,11 @@ impl Skill for Release {
             };
         }
         let waited = now.observation.time - begun;
-        if waited < 0.3 || (!now.scene.hand.is_open(now.observation.knuckle) && waited < LONGEST) {
+        let pushes = now.memory.candidate.is_some_and(|one| one.push.is_some());
+        if !pushes
+            && (waited < 0.3
+                || (!now.scene.hand.is_open(now.observation.knuckle) && waited < LONGEST))
+        {
             return Step::Going(Act {
                 base: Some([0.0, 0.0]),
                 opening: (waited < 0.05).then_some(now.scene.hand.stroke),

@@ -465,6 +465,7 @@ fn the_chair_stops_nearer_to_what_stands_on_the_floor() {
             cost: 0.0,
             wish: 0.0,
             shown: None,
+            push: None,
         };
         let point = candidate.point(&scene.hand);
         let chair = Pose2 {
