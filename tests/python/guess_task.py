@@ -236,6 +236,8 @@ def worlds(args):
             # Tasks of an area belong to another home, and those of doors and drawers place no object.
             if task["area"] or task["name"].endswith(("_door", "_drawer")):
                 continue
+            if args.tasks and task["name"] not in args.tasks.split(","):
+                continue
             first = 10_000 + index * args.seeds
             command = [*base, "--task", task["name"], "--starts", args.starts,
                        "--draws", f"{first}..{first + args.seeds}"]
@@ -267,6 +269,7 @@ def main():
     parser.add_argument("--homes", help="homes, or a side of splits/worlds/worlds-1.toml")
     parser.add_argument("--packs", help="folder of the packs of these homes")
     parser.add_argument("--objects", help="packs whose objects may be there, separated by commas")
+    parser.add_argument("--tasks", help="only these tasks of homes, separated by commas")
     parser.add_argument("--plan", help="plan of a campaign whose tasks are also guessed together")
     args = parser.parse_args()
     fine = True
