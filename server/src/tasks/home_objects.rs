@@ -14,9 +14,9 @@ use crate::scene::Scene;
 /// Most objects of a place.
 const MOST: usize = 4;
 /// Length of the reached strip for each object after the first, metres.
-const SPACING: f64 = 0.25;
+const SPACING: f64 = 0.2;
 /// Probability of each object after the first.
-const CHANCE: f64 = 0.6;
+const CHANCE: f64 = 0.7;
 /// Probability that two of the objects are of one category.
 const ALIKE: f64 = 0.3;
 /// Probability of a sampled object that no task requests. Below 1, so that it needs no room for
