@@ -27,9 +27,11 @@
 # make test-ros     the ROS 2 node against the real rclpy of Kilted and Jazzy (from PyPI,
 #                   built once in some minutes)
 # make test-data    sampled values of a scene do not reveal the task: 1,000 seeds of every task
-#                   with three classifiers, and an old table that reveals it; counts sentences,
+#                   with three classifiers, and an old table that reveals it; the same of the target
+#                   in own homes with household objects; counts sentences,
 #                   and computes 500 answers of labelled episodes again
-# make test-learn   lints, documents and tests client/learn, which trains and serves networks
+# make test-learn   lints, documents and tests client/learn, which trains and serves networks, and
+#                   checks that training in Python refuses what is kept for tests
 #                   (burn, about nine minutes of one core the first time)
 # make test-adversarial   200 adversarial operators, a minute each, sixty of them at the bear
 #                         and 1,000 episodes that press the seated person under the guard
@@ -46,7 +48,8 @@
 #                    the verdicts into assets/packs, and docs/results/objects.md. Some 6,000 trials,
 #                    20 minutes on 16 cores; resumes from data/objects.jsonl
 # make test-homes    makes 150 layouts of each own home, checks that they are ready, and writes
-#                    docs/results/own-homes.md; some minutes
+#                    docs/results/own-homes.md; then sentences about every home of the frozen
+#                    worlds parse to what they ask for; some minutes
 # make test-hashes   compares state hashes of 44 episodes with tests/data/redesign-hashes.csv, a
 #                    minute and a half on two cores
 # make docs    the documentation site in target/docs/site: guides, results, references of
@@ -162,6 +165,7 @@ test-learn:
 	$(CARGO) clippy --release -p wheelarm-learn --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release -p wheelarm-learn --no-deps
 	$(CARGO) test --release -p wheelarm-learn
+	"$(WHEELARM_PYTHON)" tests/python/check_worlds.py
 
 contract:
 	WHEELARM_WRITE_CONTRACT=1 $(CARGO) test --release -p wheelarm-proto --test evolution
@@ -208,6 +212,7 @@ test-objects:
 test-homes:
 	$(CARGO) build --release -p wheelarm-cli --bin wheelarm
 	WHEELARM="$(BUILT)/wheelarm" tests/homes.sh
+	$(CARGO) test --release -p wheelarm-server --lib sentences_about_all -- --ignored --nocapture
 
 test-people:
 	scripts/setup.sh python numpy
@@ -237,6 +242,8 @@ test-data:
 	$(CARGO) build --release --workspace $(WITHOUT_LEARN) --bins --examples
 	"$(WHEELARM_PYTHON)" tests/python/guess_task.py --before tests/data/draws-before.csv.gz \
 		--server "$(BUILT)/wheelarm-server" --assets assets
+	"$(WHEELARM_PYTHON)" tests/python/guess_task.py --server "$(BUILT)/wheelarm-server" --assets assets \
+		--homes train --objects bath,care,kitchen,living --seeds 24 --plan assets/campaigns/worlds-1k.toml
 	tests/labels.sh
 
 test-adversarial:

@@ -22,4 +22,5 @@ read -ra objects <<<"${OBJECTS:-}"
 python3 tests/python/object_results.py pending "${objects[@]}" | xargs -P "$jobs" -I NAME sh -c \
     "'$wheelarm' object check NAME --trials '${OBJECT_TRIALS:-20}' --grasp-trials '${GRASP_TRIALS:-2}' \
     --packs '$none' --json '$OBJECT_RESULTS' 2> /dev/null || echo 'NAME: no result' >&2"
+python3 tests/python/object_results.py untried
 python3 tests/python/object_results.py report

@@ -99,6 +99,7 @@ echo "== ACT against LeRobot's"
 "$python" -W ignore "$root/tests/python/check_act.py" "$root/client/learn/python"
 "$python" -W ignore "$root/tests/python/check_aims.py"
 "$python" -W ignore "$root/tests/python/check_text.py"
+"$python" -W ignore "$root/tests/python/check_worlds.py"
 echo "== our trainer, in two pieces"
 wheelarm dataset export --format tensors data/session --size 64x36 --trim-idle 0.5 --out data/tensors >/dev/null
 train() {

@@ -3,9 +3,9 @@
 worlds.py [--programs DIR] [--assets DIR] [--out DIR] [--homes train|HOME,HOME] [--one HOME]
           [--episodes 8] [--rounds 3] [--workers N] [--adapters 0] [--into /dev/shm] [--seconds 900]
 
-Both campaigns have small images without depth, the same task, seeds and workers. A round runs
-both, in turn first the one and the other. The rate is simulated seconds over wall seconds,
-including start and manifest. All homes are made before the first round; workers then read them
+Both campaigns have small images without depth, the objects of the packs, the same task, seeds and
+workers. A round runs both, in turn first the one and the other. The rate is simulated seconds over
+wall seconds, including start and manifest. All homes are made before the first round; workers then read them
 from the cache folder. Needs only Python's standard library. Prints one table: rates, their ratio,
 and memory of a worker (largest resident set; proportional set, in which shared pages count once).
 Exit code 1 when the median ratio is below 0.9.
@@ -40,6 +40,7 @@ width = 224
 height = 126
 [variation]
 homes = {homes}
+objects = "train"
 [[task]]
 name = "take_anything"
 episodes = {episodes}

@@ -9,12 +9,14 @@ may exceed chance by at most --margin. With --before they use the table of an ol
 which every task sampled its own scene; there they must be right far more often, which shows
 that the check detects a leak.
 
-With --homes it guesses the target of a task of every home among the objects in the scene, from
-their kind, their place relative to the others and to the chair, mass and friction. Chance is the
-mean of one over the number of objects.
+With --homes it guesses the target of a task of every home among the objects in the scene that
+the task could request, from their kind, their place relative to the others and to the chair, mass
+and friction. Chance is the mean of one over the number of these objects. At last it guesses over
+all tasks together, mixed as in --plan.
 
 Usage: guess_task.py --server PROGRAM --assets DIR [--seeds N] [--starts near]
        guess_task.py --server PROGRAM --assets DIR --homes [train|held_out|HOME,HOME] [--seeds N]
+                     [--objects PACK,PACK] [--plan assets/campaigns/worlds-1k.toml]
        guess_task.py --before tests/data/draws-before.csv.gz
 """
 
@@ -25,6 +27,7 @@ import json
 import pathlib
 import subprocess
 import sys
+import tempfile
 import tomllib
 import warnings
 
@@ -150,7 +153,7 @@ def balanced(what, values, labels, args):
 
 
 def candidates(row, kinds):
-    """One row of numbers for each object in a scene, and which of them is the target."""
+    """One row of numbers for each of `kinds` in a scene, and which of them is the target."""
     there = [name for name in kinds if float(row.get(f"{name}_there") or 0.0) > 0.0]
     number = lambda name, key: float(row[f"{name}_{key}"])
     at = numpy.array([[number(name, key) for key in "xyz"] for name in there])
@@ -172,6 +175,44 @@ def candidates(row, kinds):
     return values, [name == row["target"] for name in there]
 
 
+def guess_targets(what, rows, kinds, args):
+    """Guesses the target among `kinds` in each scene; whether the best share is within its limit."""
+    values, labels, groups, chance = [], [], [], []
+    for scene, row in enumerate(rows):
+        there = [name for name in kinds if float(row.get(f"{name}_there") or 0.0) > 0.0]
+        # A target alone needs no sentence.
+        if row["target"] not in there or len(there) < 2:
+            continue
+        own, targets = candidates(row, kinds)
+        values += own
+        labels += targets
+        groups += [scene] * len(targets)
+        chance.append(1 / len(targets))
+    values, labels, groups = map(numpy.array, (values, labels, groups))
+    if len(chance) < MIN_SCENES:
+        print(f"{what}: {len(chance)} scenes with several objects, too few for a guess", flush=True)
+        return True
+    shares = {}
+    for name, classifier in {
+        "logistic regression": make_pipeline(StandardScaler(), LogisticRegression(max_iter=2000, C=0.1)),
+        "random forest": RandomForestClassifier(300, min_samples_leaf=3, random_state=0, n_jobs=-1),
+    }.items():
+        right = 0
+        for known, asked in GroupKFold(5).split(values, labels, groups):
+            fitted = classifier.fit(values[known], labels[known])
+            guess = fitted.predict_proba(values[asked])[:, 1]
+            for scene in numpy.unique(groups[asked]):
+                own = groups[asked] == scene
+                right += labels[asked][own][guess[own].argmax()]
+        shares[name] = right / len(chance)
+    mean = float(numpy.mean(chance))
+    within = max(shares.values()) <= mean + args.margin
+    text = ", ".join(f"{name} {share:.1%}" for name, share in shares.items())
+    print(f"{what}: {len(chance)} of {len(rows)} scenes, chance {mean:.1%}, at most {mean + args.margin:.1%}: "
+          f"{text}{'' if within else '  FAILED'}", flush=True)
+    return within
+
+
 def worlds(args):
     """Guesses the target among the objects of scenes in many homes."""
     if args.homes in ("train", "held_out"):
@@ -179,58 +220,39 @@ def worlds(args):
         homes = tomllib.loads(split.read_text())[args.homes]["homes"]
     else:
         homes = args.homes.split(",")
-    packs = ["--packs", args.packs] if args.packs else []
-    scenes, kinds = {}, set()
+    options = []
+    for name, value in (("--packs", args.packs), ("--objects", args.objects)):
+        options += [name, value] if value else []
+    if args.objects and args.homes in ("train", "held_out"):
+        folder = tempfile.TemporaryDirectory()
+        scenario = pathlib.Path(folder.name) / "scenario.toml"
+        scenario.write_text(f'object_split = "{args.homes}"\n')
+        options += ["--scenario", scenario]
+    scenes, targets = {}, {}
     for index, home in enumerate(homes):
-        base = [args.server, "--assets", args.assets, *packs, "--scene", home]
+        base = [args.server, "--assets", args.assets, *options, "--scene", home]
         listed = subprocess.run([*base, "--list-tasks", "--json"], check=True, capture_output=True).stdout
         for task in json.loads(listed):
-            # Tasks of an area belong to another home.
-            if task["area"]:
+            # Tasks of an area belong to another home, and those of doors and drawers place no object.
+            if task["area"] or task["name"].endswith(("_door", "_drawer")):
+                continue
+            if args.tasks and task["name"] not in args.tasks.split(","):
                 continue
             first = 10_000 + index * args.seeds
             command = [*base, "--task", task["name"], "--starts", args.starts,
                        "--draws", f"{first}..{first + args.seeds}"]
             out = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-            rows = list(csv.DictReader(out.splitlines()))
-            kinds |= {name.removesuffix("_there") for name in rows[0] if name.endswith("_there")}
-            scenes.setdefault(task["name"], []).extend(rows)
-    kinds = sorted(kinds)
+            scenes.setdefault(task["name"], []).extend(csv.DictReader(out.splitlines()))
+            targets.setdefault(task["name"], set()).update(task["targets"])
     fine = True
     for task, rows in sorted(scenes.items()):
-        values, labels, groups, chance = [], [], [], []
-        for scene, row in enumerate(rows):
-            own, targets = candidates(row, kinds)
-            # A target alone needs no sentence.
-            if sum(targets) != 1 or len(targets) < 2:
-                continue
-            values += own
-            labels += targets
-            groups += [scene] * len(targets)
-            chance.append(1 / len(targets))
-        values, labels, groups = map(numpy.array, (values, labels, groups))
-        if len(chance) < MIN_SCENES:
-            print(f"{task}: {len(chance)} scenes with several objects, too few for a guess", flush=True)
-            continue
-        shares = {}
-        for name, classifier in {
-            "logistic regression": make_pipeline(StandardScaler(), LogisticRegression(max_iter=2000)),
-            "random forest": RandomForestClassifier(300, min_samples_leaf=3, random_state=0, n_jobs=-1),
-        }.items():
-            right = 0
-            for known, asked in GroupKFold(5).split(values, labels, groups):
-                fitted = classifier.fit(values[known], labels[known])
-                guess = fitted.predict_proba(values[asked])[:, 1]
-                for scene in numpy.unique(groups[asked]):
-                    own = groups[asked] == scene
-                    right += labels[asked][own][guess[own].argmax()]
-            shares[name] = right / len(chance)
-        mean = float(numpy.mean(chance))
-        within = max(shares.values()) <= mean + args.margin
-        text = ", ".join(f"{name} {share:.1%}" for name, share in shares.items())
-        print(f"{len(homes)} homes, {task}: {len(chance)} scenes, chance {mean:.1%}, at most "
-              f"{mean + args.margin:.1%}: {text}{'' if within else '  FAILED'}", flush=True)
-        fine &= within
+        fine &= guess_targets(f"{len(homes)} homes, {task}", rows, sorted(targets[task]), args)
+    if args.plan:
+        weights = {one["name"]: one["episodes"] for one in tomllib.loads(pathlib.Path(args.plan).read_text())["task"]}
+        most = min(len(scenes[task]) / weight for task, weight in weights.items())
+        mixed = [row for task, weight in weights.items() for row in scenes[task][:: max(1, int(len(scenes[task]) / (most * weight)))]]
+        kinds = sorted(set().union(*(targets[task] for task in weights)))
+        fine &= guess_targets(f"{len(homes)} homes, tasks of {pathlib.Path(args.plan).stem} together", mixed, kinds, args)
     return fine
 
 
@@ -246,6 +268,9 @@ def main():
     parser.add_argument("--before")
     parser.add_argument("--homes", help="homes, or a side of splits/worlds/worlds-1.toml")
     parser.add_argument("--packs", help="folder of the packs of these homes")
+    parser.add_argument("--objects", help="packs whose objects may be there, separated by commas")
+    parser.add_argument("--tasks", help="only these tasks of homes, separated by commas")
+    parser.add_argument("--plan", help="plan of a campaign whose tasks are also guessed together")
     args = parser.parse_args()
     fine = True
     if args.before:

@@ -3,8 +3,10 @@
 
     object_results.py pending [KIND or OBJECT …]   names of objects without a result
     object_results.py report                       writes docs/results/objects.md
+    object_results.py untried                      marks objects without trials as scenery where
+                                                   no object of their kind passed
 
-Reads assets/kinds.toml and the lines of $OBJECT_RESULTS.
+Reads assets/kinds.toml, and all but the last the lines of $OBJECT_RESULTS.
 """
 
 import collections
@@ -38,6 +40,22 @@ def pending(wanted):
             is_wanted = not wanted or kind["name"] in wanted or name in wanted
             if is_wanted and name not in done and has_grasps(name, kind["pack"]):
                 print(name)
+
+
+def untried():
+    for kind in KINDS:
+        files = [pathlib.Path(f"assets/packs/{kind['pack']}/objects/{kind['name']}-{instance['name']}.toml")
+                 for instance in kind["instance"]]
+        stocks = [tomllib.loads(file.read_text()).get("stock", {}) for file in files]
+        passes = any("trials" in stock and not stock.get("scenery") for stock in stocks)
+        for file, stock in zip(files, stocks):
+            if not stock or "trials" in stock:
+                continue
+            text = file.read_text().replace("scenery = true\n", "")
+            if not passes:
+                text = text.replace("yaw_deg = ", "scenery = true\nyaw_deg = ", 1)
+            file.write_text(text)
+            print(f"{file.stem}: {'as its kind' if passes else 'scenery'}")
 
 
 def words(failures):
@@ -108,5 +126,7 @@ if __name__ == "__main__":
             pending(wanted)
         case ["report"]:
             report()
+        case ["untried"]:
+            untried()
         case _:
             raise SystemExit(__doc__)

@@ -19,7 +19,7 @@ use wheelarm_proto::{CONTROL_HZ, PHYSICS_HZ, defaults, limits, v1};
 use crate::disturb::Disturb;
 use crate::episode_seed::EpisodeSeed;
 use crate::sentences::{Language, LanguageFile};
-use crate::worlds::HomesFile;
+use crate::worlds::{self, HomesFile};
 
 /// Scenarios of the episodes of one campaign.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -53,6 +53,7 @@ pub struct VariationFile {
     pub operator: bool,
     specimens: u32,
     homes: Option<Spanned<HomesFile>>,
+    objects: Option<Spanned<String>>,
     appearance: Option<AppearanceText>,
     start_in_view: Spanned<f64>,
     look_around: Spanned<f64>,
@@ -67,6 +68,7 @@ impl Default for VariationFile {
             operator: true,
             specimens: 0,
             homes: None,
+            objects: None,
             appearance: None,
             start_in_view: Spanned::new(0..0, 0.0),
             look_around: Spanned::new(0..0, 0.0),
@@ -87,7 +89,7 @@ impl VariationFile {
     /// [`Mistake`].
     pub fn checked(self, scenario: Spanned<v1::Scenario>) -> Result<Variation, Mistake> {
         let at = scenario.span();
-        let scenario = scenario.into_inner();
+        let mut scenario = scenario.into_inner();
         if let Some((field, instead)) = rejected_field(&scenario) {
             return Err((
                 at,
@@ -116,6 +118,10 @@ impl VariationFile {
                 names.map_err(|what| (span, what))?
             }
         };
+        if let Some(objects) = self.objects {
+            let set = worlds::set_objects(objects.get_ref(), &mut scenario);
+            set.map_err(|what| (objects.span(), what))?;
+        }
         Ok(Variation {
             homes,
             scenario,

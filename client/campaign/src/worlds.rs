@@ -1,62 +1,38 @@
-//! Homes, objects, words and looks that training may use, and those that are kept for tests.
+//! Homes and objects of a campaign, by the sides of [`SHIPPED`].
 //!
-//! [`SHIPPED`] lists both sides and is frozen by a hash. `collect` and `multiply` refuse what is
-//! kept for tests in data for training; `evaluate` refuses a split that mixes both sides.
+//! `collect` and `multiply` refuse what is kept for tests in data for training; `evaluate`
+//! refuses a split that mixes both sides.
 
 use std::path::Path;
 
-use anyhow::{Context, bail};
-use serde::de::Error as _;
-use serde::{Deserialize, Deserializer};
-use wheelarm_homes::own_home::OwnHomeId;
+use anyhow::Context;
+use serde::Deserialize;
 use wheelarm_proto::installed::file_or_asset;
-use wheelarm_proto::seeds::Purpose;
-use wheelarm_proto::settings::{LanguageSplit, Named};
 use wheelarm_proto::v1;
 use wheelarm_rollout::launcher::{TaskSources, tasks_of_program};
 
-use crate::frozen;
+pub use wheelarm_policy::worlds::{ObjectPacks, SHIPPED, SHIPPED_OBJECTS, Worlds, WorldsError};
 
-/// The file in the assets.
-pub const SHIPPED: &str = "assets/splits/worlds/worlds-1.toml";
-
-/// Both sides.
-#[derive(Clone, Debug, Deserialize, PartialEq)]
-#[serde(deny_unknown_fields)]
-pub struct Worlds {
-    frozen: Option<String>,
-    /// For training and for tests of other seeds.
-    pub train: Side,
-    /// For tests alone.
-    pub held_out: Side,
+/// Reads [`SHIPPED`].
+///
+/// # Errors
+/// With the file and the fix.
+pub fn shipped() -> anyhow::Result<Worlds> {
+    read(SHIPPED, Worlds::parse)
 }
 
-/// One side.
-#[derive(Clone, Debug, Deserialize, PartialEq)]
-#[serde(deny_unknown_fields)]
-pub struct Side {
-    /// Own homes of campaigns, PLAN-STYLE-SEED. Each of them is ready.
-    pub homes: Vec<String>,
-    /// Plans of own homes.
-    pub plans: Vec<String>,
-    /// Styles of own homes.
-    pub styles: Vec<String>,
-    /// Categories of objects.
-    pub categories: Vec<String>,
-    /// Kinds of objects; of the side of training all others.
-    #[serde(default)]
-    pub objects: Vec<String>,
-    /// Templates and names of sentences.
-    #[serde(deserialize_with = "named")]
-    pub sentences: LanguageSplit,
-    /// Purpose of the seeds of visual randomization.
-    #[serde(deserialize_with = "named")]
-    pub looks: Purpose,
+/// Reads [`SHIPPED_OBJECTS`].
+///
+/// # Errors
+/// With the file and the fix.
+pub fn shipped_objects() -> anyhow::Result<ObjectPacks> {
+    read(SHIPPED_OBJECTS, ObjectPacks::parse)
 }
 
-fn named<'de, T: Named, D: Deserializer<'de>>(from: D) -> Result<T, D::Error> {
-    let name = String::deserialize(from)?;
-    T::from_name(&name).map_err(D::Error::custom)
+fn read<T>(file: &str, parse: fn(&str) -> Result<T, WorldsError>) -> anyhow::Result<T> {
+    let path = file_or_asset(Path::new(file));
+    let read = || -> anyhow::Result<T> { Ok(parse(&crate::text_file::read(&path)?)?) };
+    read().with_context(|| format!("cannot read {}", path.display()))
 }
 
 /// `homes` of a plan or a split: a side of [`SHIPPED`], or a list.
@@ -78,16 +54,13 @@ impl HomesFile {
         let names = match self {
             Self::List(names) => names,
             Self::Side(side) => {
-                let worlds = Worlds::shipped().map_err(|error| format!("{error:#}"))?;
-                match side.as_str() {
-                    "train" => worlds.train.homes,
-                    "held_out" => worlds.held_out.homes,
-                    _ => {
-                        return Err(format!(
-                            "homes = {side:?} is not a side of {SHIPPED}; write \"train\", \"held_out\" or a list of homes"
-                        ));
-                    }
-                }
+                let worlds = shipped().map_err(|error| format!("{error:#}"))?;
+                let Some(side) = worlds.side(&side) else {
+                    return Err(format!(
+                        "homes = {side:?} is not a side of {SHIPPED}; write \"train\", \"held_out\" or a list of homes"
+                    ));
+                };
+                side.homes.clone()
             }
         };
         if names.is_empty() {
@@ -107,117 +80,27 @@ impl HomesFile {
     }
 }
 
-impl Worlds {
-    /// Reads [`SHIPPED`].
-    ///
-    /// # Errors
-    /// As [`Worlds::read`].
-    pub fn shipped() -> anyhow::Result<Self> {
-        Self::read(&file_or_asset(Path::new(SHIPPED)))
+/// Packs of objects and their split in a scenario, for `objects` of a plan or a split: the name
+/// of a side of [`SHIPPED`].
+///
+/// # Errors
+/// With the fix, when there is no such side, or the scenario names packs or a split itself.
+pub fn set_objects(side: &str, scenario: &mut v1::Scenario) -> Result<(), String> {
+    if !scenario.packs.is_empty() || !scenario.object_split.is_empty() {
+        return Err(
+            "objects, and packs or object_split of [scenario], exclude each other; remove one"
+                .to_owned(),
+        );
     }
-
-    /// Reads a file and compares it with its hash.
-    ///
-    /// # Errors
-    /// With the file and the fix.
-    pub fn read(path: &Path) -> anyhow::Result<Self> {
-        let text = crate::text_file::read(path)
-            .with_context(|| format!("cannot read {}", path.display()))?;
-        let worlds: Self =
-            toml::from_str(&text).with_context(|| format!("cannot read {}", path.display()))?;
-        frozen::check(path, &text, worlds.frozen.as_deref())?;
-        Ok(worlds)
+    let in_words = |error: anyhow::Error| format!("{error:#}");
+    if shipped().map_err(in_words)?.side(side).is_none() {
+        return Err(format!(
+            "objects = {side:?} is not a side of {SHIPPED}; write \"train\" or \"held_out\", or name packs in [[scenario.packs]]"
+        ));
     }
-
-    /// Why a home is kept for tests; `None` when training may use it.
-    #[must_use]
-    pub fn held_out_home(&self, scene: &str, style: &str) -> Option<String> {
-        let held_out = &self.held_out;
-        let id = OwnHomeId::from_name(scene);
-        let plan = id.as_ref().map_or(scene, |id| id.plan.as_str());
-        let style = id.as_ref().map_or(style, |id| id.style.as_str());
-        let has = |list: &[String], name: &str| list.iter().any(|known| known == name);
-        if has(&held_out.plans, plan) {
-            return Some(format!("the home {scene:?} is of the plan {plan:?}"));
-        }
-        if has(&held_out.styles, style) {
-            return Some(format!("the home {scene:?} is of the style {style:?}"));
-        }
-        has(&held_out.homes, scene).then(|| format!("the home {scene:?}"))
-    }
-
-    /// Whether an object is kept for tests, by its kind: its name up to `-`, or without a number.
-    #[must_use]
-    pub fn is_held_out_object(&self, name: &str) -> bool {
-        let kind = name.split_once('-').map_or(name, |(kind, _)| kind);
-        let number = kind.rsplit_once('_').filter(|(_, number)| {
-            !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit())
-        });
-        let plain = number.map_or(kind, |(plain, _)| plain);
-        let all = &self.held_out.objects;
-        all.iter().any(|known| known == kind || known == plain)
-    }
-
-    /// What of a scenario is kept for tests; `None` when training may use all of it.
-    #[must_use]
-    pub fn held_out_part(&self, scenario: &v1::Scenario) -> Option<String> {
-        if let Some(home) = self.held_out_home(&scenario.scene, &scenario.home_style) {
-            return Some(home);
-        }
-        let mut objects = scenario.objects.iter().map(|object| &object.name);
-        if let Some(name) = objects.find(|name| self.is_held_out_object(name)) {
-            return Some(format!("the object {name:?}"));
-        }
-        let split = scenario.language.as_ref().map(v1::Language::split);
-        if split.is_some_and(|split| split == self.held_out.sentences.code()) {
-            return Some("a sentence of held-out words".to_owned());
-        }
-        let appearance = scenario.appearance.as_ref();
-        let look = appearance.filter(|look| Purpose::of_seed(look.seed) == self.held_out.looks);
-        look.map(|look| format!("the visual randomization of seed {}", look.seed))
-    }
-
-    /// Rejects data for training that uses what is kept for tests.
-    ///
-    /// # Errors
-    /// With the fix.
-    pub fn check_training(&self, scenario: &v1::Scenario) -> Result<(), String> {
-        match self.held_out_part(scenario) {
-            None => Ok(()),
-            Some(part) => Err(format!(
-                "{part} is kept for tests ({SHIPPED}), and this is data for training; {FIX}"
-            )),
-        }
-    }
-
-    /// Rejects homes for training that are kept for tests.
-    ///
-    /// # Errors
-    /// With the fix.
-    pub fn check_training_homes(&self, homes: &[String]) -> Result<(), String> {
-        match homes.iter().find_map(|home| self.held_out_home(home, "")) {
-            None => Ok(()),
-            Some(part) => Err(format!(
-                "{part} is kept for tests ({SHIPPED}), and this is data for training; {FIX}"
-            )),
-        }
-    }
-
-    /// Rejects homes of a test of which only some are kept for tests: their mean would be
-    /// neither a result for homes of training nor one for others.
-    ///
-    /// # Errors
-    /// With the fix.
-    pub fn check_one_side(&self, homes: &[String]) -> anyhow::Result<()> {
-        let is_held_out = |home: &&String| self.held_out_home(home, "").is_some();
-        let (held_out, others): (Vec<_>, Vec<_>) = homes.iter().partition(is_held_out);
-        if let (Some(one), Some(other)) = (held_out.first(), others.first()) {
-            bail!(
-                "homes mixes {one:?}, which is kept for tests, with {other:?}, which training may use; make two splits and report them separately"
-            );
-        }
-        Ok(())
-    }
+    scenario.packs = shipped_objects().map_err(in_words)?.refs();
+    side.clone_into(&mut scenario.object_split);
+    Ok(())
 }
 
 /// Lists the tasks of the scene of `sources`, or of homes: of the first ones until all `wanted`
@@ -248,9 +131,6 @@ pub(crate) fn tasks_of_homes(
     Ok(listed)
 }
 
-/// How to correct data for training.
-const FIX: &str = "use homes = \"train\" of [variation], other objects, split = \"train\" of [variation.language], or a purpose of tests";
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -262,7 +142,7 @@ mod tests {
 
     #[test]
     fn sides_are_frozen_disjoint_and_agree_with_the_data() {
-        let worlds = Worlds::shipped().unwrap_or_else(|error| panic!("{error:#}"));
+        let worlds = shipped().unwrap_or_else(|error| panic!("{error:#}"));
         let (train, held_out) = (&worlds.train, &worlds.held_out);
         for (one, other) in [
             (&train.homes, &held_out.homes),
@@ -318,7 +198,7 @@ mod tests {
         }
         let text = std::fs::read_to_string(assets().join("kinds.toml")).unwrap();
         let kinds: Kinds = toml::from_str(&text).unwrap();
-        let worlds = Worlds::shipped().unwrap();
+        let worlds = shipped().unwrap();
         for kind in &kinds.kind {
             let is_listed = worlds.is_held_out_object(&format!("{}-white", kind.name));
             assert_eq!(is_listed, kind.held_out, "{}", kind.name);
@@ -336,7 +216,7 @@ mod tests {
 
     #[test]
     fn objects_of_shipped_packs_are_marked_as_their_kinds_are() {
-        let worlds = Worlds::shipped().unwrap();
+        let worlds = shipped().unwrap();
         let store = wheelarm_pack::Store::new(vec![assets().join("packs")]);
         for (name, path) in store.candidates() {
             let pack = wheelarm_pack::Pack::open(&path).unwrap();
@@ -355,8 +235,49 @@ mod tests {
     }
 
     #[test]
+    fn packs_of_both_sides_are_the_shipped_ones() {
+        let store = wheelarm_pack::Store::new(vec![assets().join("packs")]);
+        let packs = store.candidates().into_iter();
+        let packs = packs.map(|(_, path)| wheelarm_pack::Pack::open(&path).unwrap());
+        let shipped = packs.filter(|pack| pack.home().is_none()).map(|pack| {
+            let id = pack.id();
+            (
+                id.name.clone(),
+                id.version.clone(),
+                wheelarm_pack::to_hex(&id.physics),
+            )
+        });
+        let shipped: Vec<_> = shipped.collect();
+        let listed = shipped_objects().unwrap_or_else(|error| panic!("{error:#}"));
+        let listed = listed.packs.into_iter();
+        let listed: Vec<_> = listed.map(|p| (p.name, p.version, p.physics)).collect();
+        assert_eq!(
+            listed, shipped,
+            "{SHIPPED_OBJECTS} freezes packs that have changed: write the new ones into a file of another name"
+        );
+    }
+
+    #[test]
+    fn objects_of_a_side_are_packs_with_digests_and_a_split() {
+        let mut scenario = v1::Scenario::default();
+        assert_eq!(set_objects("held_out", &mut scenario), Ok(()));
+        assert_eq!(scenario.object_split, "held_out");
+        assert!(scenario.packs.len() >= 4);
+        assert!(
+            scenario
+                .packs
+                .iter()
+                .all(|pack| pack.physics_digest.len() == 64)
+        );
+        let twice = set_objects("train", &mut scenario).unwrap_err();
+        assert!(twice.contains("exclude each other"), "{twice}");
+        let unknown = set_objects("all", &mut v1::Scenario::default()).unwrap_err();
+        assert!(unknown.contains("held_out"), "{unknown}");
+    }
+
+    #[test]
     fn data_for_training_is_refused_what_is_kept_for_tests() {
-        let worlds = Worlds::shipped().unwrap();
+        let worlds = shipped().unwrap();
         let scenario = |scene: &str| v1::Scenario {
             scene: scene.to_owned(),
             ..v1::Scenario::default()
@@ -402,7 +323,7 @@ mod tests {
 
     #[test]
     fn homes_of_a_test_are_of_one_side() {
-        let worlds = Worlds::shipped().unwrap();
+        let worlds = shipped().unwrap();
         let check = |homes: &[&str]| {
             let homes: Vec<String> = homes.iter().map(|home| (*home).to_owned()).collect();
             worlds.check_one_side(&homes).map_err(|e| e.to_string())

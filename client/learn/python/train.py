@@ -26,6 +26,7 @@ import keypoint_targets
 import curves
 import ledger
 import policy_file
+import worlds
 from warm_start import initialize_from
 from episodes import DataError, Episodes, digest, find_files, split, split_words, statistics
 from network import Policy, Shape
@@ -119,6 +120,7 @@ def parse_arguments():
     add("--save-seconds", type=float, default=60.0, help="seconds between checkpoints")
     add("--travel", type=Path, help=f"folder for transferable checkpoints in parts of at most {PART_BYTES // 10**6} MB, "
         "without the state of the optimiser; read when --out has no checkpoint")
+    add("--worlds", type=Path, help="file of what is kept for tests, which no training uses; that of the assets if absent")
     add("--seed", type=int, default=0)
     return parser.parse_args()
 
@@ -158,6 +160,8 @@ def train(options, started):
     log = Log(options.out)
 
     files = find_files(options.data, options.keep_failed)
+    kept_for_tests = worlds.read(options.worlds)
+    worlds.check(kept_for_tests, files)
     about = files[0].about
     available = files[0].cameras
     names = options.cameras.split(",") if options.cameras else sorted(available)
@@ -215,6 +219,7 @@ def train(options, started):
     before = initialize_from(network, options.init, card) if options.init else {}
     run = Run(options, network, episodes, tests, numbers, hidden, padded, about, device)
     run.card = card
+    run.card["data"]["worlds"] = kept_for_tests["frozen"]
     episode_ledgers = [f.about.get("ledger") or ledger.from_seeds([f.about["seed"]]) for f in [*training, *held]]
     run.ledger = ledger.merge([*episode_ledgers, *ledger_of_start(options.init, before)])
     run.card["training_seeds"] = sorted({*run.card["training_seeds"], *before.get("training_seeds", [])})
@@ -296,7 +301,7 @@ def make_card(options, shape, about, cameras, numbers, vocabulary, hidden, train
             "device": torch.cuda.get_device_name() if options.device.startswith("cuda") else "cpu",
             "parameters": sum(p.numel() for p in network.parameters()),
             "options": {k: str(v) if isinstance(v, Path) else v for k, v in vars(options).items()
-                if k not in ("data", "out", "travel", "seconds", "within", "device", "init", "backbone")},
+                if k not in ("data", "out", "travel", "seconds", "within", "device", "init", "backbone", "worlds")},
             "init": policy_file.sha256(options.init) if options.init else None,
             "backbone": policy_file.sha256(options.backbone) if options.backbone else None,
         },

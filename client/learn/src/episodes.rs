@@ -9,6 +9,9 @@ use safetensors::SafeTensors;
 use safetensors::tensor::Dtype;
 use serde::Deserialize;
 
+use wheelarm_policy::worlds::{SHIPPED, Used, Worlds};
+use wheelarm_proto::installed::file_or_asset;
+
 use crate::card::KEY;
 
 /// Supported version of the layout.
@@ -45,6 +48,9 @@ pub struct About {
     pub action_units: Vec<String>,
     /// Names of WheelArm-Sim's columns; `None` without an IMU in the recording.
     pub table_names: Option<Vec<String>>,
+    /// What it uses of homes, objects, words and looks; `None` in exports of earlier versions.
+    #[serde(default)]
+    pub world: Option<Used>,
 }
 
 /// A table of numbers.
@@ -267,6 +273,42 @@ pub fn files(folders: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
         "no *.safetensors in {folders:?}: write them with `wheelarm dataset export --format tensors RECORDINGS --out FOLDER`"
     );
     Ok(found)
+}
+
+/// Reads the shipped file of what is kept for tests.
+///
+/// # Errors
+/// When it is missing, or was changed.
+pub fn shipped_worlds() -> anyhow::Result<Worlds> {
+    let path = file_or_asset(Path::new(SHIPPED));
+    let read =
+        || -> anyhow::Result<Worlds> { Ok(Worlds::parse(&std::fs::read_to_string(&path)?)?) };
+    read().with_context(|| format!("cannot read {}", path.display()))
+}
+
+/// Rejects episodes that no training may use: of homes, objects, words, looks or seeds that are
+/// kept for tests.
+///
+/// # Errors
+/// With the episode and the fix.
+pub fn check_training(episodes: &[Episode], worlds: &Worlds) -> anyhow::Result<()> {
+    for episode in episodes {
+        let about = &episode.about;
+        // Of earlier exports only the seed is known.
+        let used = about.world.clone().unwrap_or_default();
+        let used = Used {
+            seed: Some(about.seed),
+            ..used
+        };
+        if let Err(reason) = worlds.check_episode(&used) {
+            bail!(
+                "{}: {reason} ({SHIPPED}, {}), and this is training; leave out this episode, or train on episodes of a plan with purpose = \"train\"",
+                about.label,
+                worlds.hash()
+            );
+        }
+    }
+    Ok(())
 }
 
 /// Reads all successful episodes.

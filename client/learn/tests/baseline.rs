@@ -84,6 +84,56 @@ fn write(folder: &Path, seed: u64, first: usize) {
     std::fs::write(folder.join(format!("jump-{seed}.safetensors")), bytes).expect("written");
 }
 
+#[test]
+fn episodes_that_are_kept_for_tests_are_refused_in_training() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(folder.path(), 10_000, 0);
+    let episodes = episodes::read(&[folder.path().to_owned()]).expect("episodes");
+    let worlds = episodes::shipped_worlds().expect("the shipped file");
+    let checked = |used: serde_json::Value, seed: u64| {
+        let mut episode = episodes[0].clone();
+        episode.about.seed = seed;
+        episode.about.world = Some(serde_json::from_value(used).expect("a world"));
+        episodes::check_training(&[episode], &worlds).map_err(|error| error.to_string())
+    };
+    let known = serde_json::json!({
+        "home": "studio-nordic-3", "objects": ["mustard", "phone-black"], "categories": ["phone"],
+        "sentences": "train", "appearance_seed": 10_000,
+    });
+    assert_eq!(checked(known.clone(), 10_000), Ok(()));
+    assert_eq!(episodes::check_training(&episodes, &worlds).ok(), Some(()));
+    for (key, value, word) in [
+        ("home", serde_json::json!("loft-nordic-3"), "loft"),
+        ("home", serde_json::json!("studio-modern-3"), "modern"),
+        ("style", serde_json::json!("modern"), ""),
+        ("objects", serde_json::json!(["vase-white"]), "vase-white"),
+        ("categories", serde_json::json!(["clock"]), "clock"),
+        ("sentences", serde_json::json!("held_out"), "held-out words"),
+        ("sentences", serde_json::json!("any"), "held-out words"),
+        ("appearance_seed", serde_json::json!(503), "503"),
+    ] {
+        let mut used = known.clone();
+        used[key] = value;
+        let found = checked(used, 10_000);
+        match word {
+            // The scene names its own style.
+            "" => assert_eq!(found, Ok(())),
+            word => {
+                let error = found.unwrap_err();
+                assert!(
+                    error.contains(word) && error.contains("jump-10000"),
+                    "{error}"
+                );
+                assert!(error.contains(worlds.hash()), "{error}");
+            }
+        }
+    }
+    for seed in [500, 9000, 1_000_699] {
+        assert!(checked(known.clone(), seed).is_err(), "{seed}");
+    }
+    assert_eq!(checked(known, 7), Ok(()));
+}
+
 fn made(folder: &Path, seeds: u64) -> Vec<Episode> {
     (0..seeds).for_each(|seed| write(folder, seed, (seed % 3) as usize));
     episodes::read(&[folder.to_owned()]).expect("episodes")

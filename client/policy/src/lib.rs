@@ -9,10 +9,12 @@
 mod action;
 mod applied;
 mod chunk_executor;
+pub mod frozen;
 pub mod ledger;
 mod player;
 mod rotation;
 mod state;
+pub mod worlds;
 
 pub use action::{ActionKind, NoKind};
 pub use applied::{Applied, NEAR_ANGLE, NEAR_DISTANCE};

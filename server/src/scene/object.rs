@@ -88,8 +88,9 @@ pub fn object(assets: &Path, kind: &str) -> Result<Body, SceneError> {
 /// The noun of an object of a pack: its words for tasks without the color before them.
 fn noun(file: &ObjectFile) -> String {
     let words = file.stock.as_ref().map_or("", |stock| stock.words.as_str());
-    let noun = words.strip_prefix(&file.colour).unwrap_or(words);
-    noun.trim().to_owned()
+    // An orange that is orange is not named by its color.
+    let noun = words.strip_prefix(&format!("{} ", file.colour));
+    noun.unwrap_or(words).trim().to_owned()
 }
 
 /// Checks mass, centre and inertia against the size of the collision shapes.

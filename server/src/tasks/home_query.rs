@@ -1,15 +1,16 @@
-//! Tasks without an area: a query over the places of a home. The seed selects a place, an
-//! object of the stock, and others as clutter; [`TaskSpec::settled`] is then
-//! an ordinary task of one area with one variant.
+//! Tasks without an area: a query over the places of a home. The seed selects a place and
+//! objects of the stock, of which one is the target ([`super::home_objects`]);
+//! [`TaskSpec::settled`] is then an ordinary task of one area with one variant.
 
 use std::path::Path;
 
-use super::area::{AreaSpec, PlaceSpec, Range, StartSpec, Variant};
+use super::area::{AreaSpec, StartSpec, Variant};
 use super::file::TaskFile;
 use super::goal::Goal;
+use super::home_objects::Contents;
 use super::home_sites::{Finder, HomeQuery, Site};
 use super::joint_query;
-use super::random::{fraction, index, shuffle, stream};
+use super::random::{shuffle, stream};
 use super::spec::TaskSpec;
 use super::stock;
 use super::template::{Template, Verb};
@@ -19,17 +20,8 @@ use crate::scene::{Place, ReachedPlace, Scene, SceneError};
 /// Simulated time of a task, seconds, unless its file states one: ways through several rooms
 /// took up to 196 s.
 pub(super) const TIME_LIMIT: f64 = 240.0;
-/// Most objects beside the target.
-const CLUTTER: usize = 3;
-/// Probability of each of them.
-const CLUTTER_CHANCE: f64 = 0.6;
-/// Clutter is behind the target on a surface of this depth, metres.
-const DEEP: f64 = 0.45;
-/// Its least and greatest distance from the edge then, and its distance from the ends, metres.
-const BEHIND: [f64; 2] = [0.32, 0.6];
-const END: f64 = 0.1;
-/// Otherwise it is beside the target, on a place of this length, metres.
-const LONG: f64 = 0.5;
+/// Rounds of [`TaskSpec::choices`] in which every place takes the target of its next objects.
+const ROUNDS: usize = 8;
 
 /// The scene with the objects of the stock, which are optional, when the task of a file is a
 /// query.
@@ -136,23 +128,47 @@ impl TaskSpec {
     }
 
     /// Variants and targets of a query, in an order that the seed samples; none for a task of
-    /// an area.
+    /// an area. At first each variant has the targets of its next objects, as in
+    /// [`TaskSpec::settled`], then every target that fits it.
     #[must_use]
-    pub fn choices(&self, seed: u64) -> Vec<(&Variant, &str)> {
+    pub fn choices(&self, seed: u64, scene: &Scene) -> Vec<(&Variant, &str)> {
         let Some(query) = &self.query else {
             return Vec::new();
         };
-        let variants = self.area.variants.iter();
-        let choices = variants.flat_map(|variant| {
-            let site = query.sites.iter().find(|site| site.name == variant.name);
+        let site_of = |variant: &Variant| query.sites.iter().find(|s| s.name == variant.name);
+        let mut variants: Vec<_> = self.area.variants.iter().collect();
+        let mut random = stream(&self.name, seed, "choices");
+        shuffle(&mut random, &mut variants);
+        let sampled = variants.iter().map(|variant| {
+            let site = site_of(variant).filter(|site| !site.targets.is_empty());
+            let contents = site.map(|site| Contents::new(query, site, scene));
+            contents.map_or_else(Vec::new, |contents| {
+                let targets = contents.targets(&self.name, seed).take(ROUNDS);
+                targets.map(|i| query.stock[i].object.as_str()).collect()
+            })
+        });
+        let sampled: Vec<Vec<&str>> = sampled.collect();
+        let rounds = (0..ROUNDS).flat_map(|round| {
+            let each = variants.iter().zip(&sampled);
+            each.filter_map(move |(variant, targets)| Some((*variant, *targets.get(round)?)))
+        });
+        let rest = variants.iter().flat_map(|variant| {
+            let site = site_of(variant);
             let targets = site.map_or(&[][..], |site| &site.targets);
             let objects = targets.iter().map(|&i| query.stock[i].object.as_str());
             let handle = site.and_then(|site| site.handle.as_deref());
-            let targets = objects.chain(handle);
-            targets.map(move |target| (variant, target))
+            objects.chain(handle).map(|target| (*variant, target))
         });
-        let mut choices: Vec<_> = choices.collect();
-        shuffle(&mut stream(&self.name, seed, "choices"), &mut choices);
+        let mut rest: Vec<_> = rest.collect();
+        shuffle(&mut random, &mut rest);
+        let mut choices: Vec<(&Variant, &str)> = Vec::new();
+        for choice in rounds.chain(rest) {
+            let is_known =
+                |known: &&(&Variant, &str)| (known.0.name == choice.0.name) && known.1 == choice.1;
+            if !choices.iter().any(|known| is_known(&known)) {
+                choices.push(choice);
+            }
+        }
         choices
     }
 
@@ -179,14 +195,18 @@ impl TaskSpec {
             return joint_query::settled(self, site, handle, (variant, scene), target);
         }
         let stock = &query.stock;
-        let mut random = stream(&self.name, seed, "object");
-        let sampled = index(&mut random, site.targets.len());
-        let named = |&&i: &&usize| stock[i].object == target;
-        let chosen = match target {
-            "" => site.targets.get(sampled),
-            _ => site.targets.iter().find(named),
+        let contents = Contents::new(query, site, scene);
+        let named = |&i: &usize| stock[i].object == target;
+        let objects = match target {
+            "" => contents.sampled(&self.name, seed),
+            _ => site
+                .targets
+                .iter()
+                .copied()
+                .find(named)
+                .map(|target| contents.sampled_with(&self.name, seed, target)),
         };
-        let Some(&chosen) = chosen else {
+        let Some((chosen, objects)) = objects else {
             let known = site.targets.iter().map(|&i| stock[i].object.as_str());
             let known: Vec<&str> = known.collect();
             return Err(self.place().key("target").wrong(
@@ -196,14 +216,12 @@ impl TaskSpec {
             ));
         };
         let mut variant = variant.clone();
-        let clutter = clutter(query, site, scene, chosen, seed, &self.name);
-        for own in clutter
-            .into_iter()
-            .chain([stock[chosen].at(&site.from, 1.0)])
-        {
+        for own in contents.places(&objects) {
             variant.places.retain(|place| place.object != own.object);
             variant.places.insert(0, own);
         }
+        let is_rival = |i: &&usize| **i != chosen && site.targets.contains(i);
+        let rivals = objects.iter().filter(is_rival);
         let region = site.to.as_ref().map(|to| to.furniture.as_str());
         variant.regions = region.map(str::to_owned).into_iter().collect();
         let object = stock[chosen].object.as_str();
@@ -211,6 +229,7 @@ impl TaskSpec {
         let mut spec = Self {
             conditions: template.conditions(&self.template, Some([object, ""]), region)?,
             targets: vec![object.to_owned()],
+            rivals: rivals.map(|&i| stock[i].object.clone()).collect(),
             query: None,
             ..self.clone()
         };
@@ -228,56 +247,4 @@ impl TaskSpec {
         spec.check_resolved(scene)?;
         Ok((spec, variant))
     }
-}
-
-/// Objects of the room beside the target: behind it, or beside it on a long shallow place.
-fn clutter(
-    query: &HomeQuery,
-    site: &Site,
-    scene: &Scene,
-    chosen: usize,
-    seed: u64,
-    task: &str,
-) -> Vec<PlaceSpec> {
-    let place = &site.from;
-    let Some(surface) = scene.surface_named(&place.furniture, Some(&place.surface)) else {
-        return Vec::new();
-    };
-    let [low, high] = place.along;
-    let is_deep = surface.depth >= DEEP;
-    if !is_deep && high - low < LONG {
-        return Vec::new();
-    }
-    let mut others: Vec<usize> = (0..query.stock.len())
-        .filter(|&i| {
-            let stock = &query.stock[i];
-            i != chosen
-                && stock.body(scene).is_some()
-                && stock.fits(place, scene)
-                && stock.is_of_room(place, &query.stock)
-        })
-        .collect();
-    let mut random = stream(task, seed, "clutter");
-    shuffle(&mut random, &mut others);
-    others.truncate(if is_deep { CLUTTER } else { 1 });
-    others.retain(|_| fraction(&mut random) < CLUTTER_CHANCE);
-    let at = |i: usize| {
-        let own = query.stock[i].at(place, CLUTTER_CHANCE);
-        let half = surface.width / 2.0 - END;
-        match is_deep {
-            true => PlaceSpec {
-                inwards: Range {
-                    min: BEHIND[0],
-                    max: BEHIND[1].min(surface.depth - END),
-                },
-                along: Range {
-                    min: -half,
-                    max: half,
-                },
-                ..own
-            },
-            false => own,
-        }
-    };
-    others.into_iter().map(at).collect()
 }

@@ -5,7 +5,7 @@
 //! - `load` reads `assets/tasks/NAME.toml` into a `spec`: a `template`, and queries for
 //!   its objects.
 //! - `home_query` reads a task without an area: queries for places of a home
-//!   (`place_query`) and for objects of the `stock`.
+//!   (`place_query`) and for objects of the `stock`, which `home_objects` samples.
 //! - `scene_sampling` samples a scene from area and seed, independent of the task. By the
 //!   rules of `sampling_rules`, `floor`, `drivable` and `grasp_reach` limit starts and objects,
 //!   and `leaf_reach` doors of furniture that are to be closed.
@@ -31,6 +31,7 @@ mod floor;
 mod goal;
 mod grasp_clearance;
 mod grasp_reach;
+mod home_objects;
 mod home_query;
 mod home_sites;
 mod joint_query;

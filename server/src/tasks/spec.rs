@@ -23,6 +23,9 @@ pub struct TaskSpec {
     pub area: AreaSpec,
     /// Possible targets: objects or furniture on joints; sampling selects one.
     pub targets: Vec<String>,
+    /// Other objects of the scene of a settled query that it could have requested: all that a
+    /// target has to satisfy holds of them too.
+    pub(super) rivals: Vec<String>,
     /// What to do with the target.
     pub goal: Goal,
     /// Instructions; sampling selects one. `{from_left}` and `{from_right}` are replaced

@@ -57,8 +57,10 @@ pub fn sample(
     };
     let target = one_of(&spec.targets);
     let sentence = one_of(&spec.instructions);
-    drawn.has_reach &=
-        floor.is_none_or(|floor| is_goal_reached((spec, variant), scene, (&target, &drawn), floor));
+    drawn.has_reach &= floor.is_none_or(|floor| {
+        let mut possible = spec.rivals.iter().chain([&target]);
+        possible.all(|one| is_goal_reached((spec, variant), scene, (one, &drawn), floor))
+    });
     drawn.has_reach &= floor.is_none_or(|floor| {
         !drawn.is_complete() || choose_angle(spec, (scene, &target), &mut drawn, seed, floor)
     });
@@ -90,7 +92,7 @@ pub fn sample_reached(
     if first.1.scene.is_complete() || floor.is_none() {
         return first;
     }
-    let choices = task.choices(seed).into_iter();
+    let choices = task.choices(seed, scene).into_iter();
     let choices = choices.filter(|(variant, target)| is_open(&variant.name, target));
     // Every choice fits its place.
     let others = choices
@@ -102,7 +104,7 @@ pub fn sample_reached(
     complete.unwrap_or(first)
 }
 
-/// Whether the robot puts the target down in the middle of the task's region, if the task has
+/// Whether the robot puts an object down in the middle of the task's region, if the task has
 /// one and the floor has maps, and carries it there with the arm at home.
 fn is_goal_reached(
     (spec, variant): (&TaskSpec, &Variant),

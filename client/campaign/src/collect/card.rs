@@ -45,7 +45,7 @@ pub fn write(folder: &Folder, plan: &Plan, manifest: &Manifest) -> anyhow::Resul
         // Without a ledger a policy is undeclared, which is true.
         Err(error) => tracing::warn!("no training ledger is written: {error:#}"),
     }
-    let text = card(plan, manifest, &credits(folder, manifest));
+    let text = card(plan, manifest, &Recorded::read(folder, manifest));
     write_whole(&folder.root().join("README.md"), text.as_bytes())
 }
 
@@ -63,29 +63,54 @@ fn training_ledger(manifest: &Manifest) -> anyhow::Result<Ledger> {
     Ok(ledger)
 }
 
-/// Authors and licenses of the world packs, from the first recording of each. A recording
-/// that cannot be read was reported when its episode was checked.
-fn credits(folder: &Folder, manifest: &Manifest) -> Vec<PackCredits> {
-    let mut listed = BTreeSet::new();
-    let mut found: Vec<PackCredits> = Vec::new();
-    for done in &manifest.episodes {
-        let packs = done.scenario.get("packs").map(ToString::to_string);
-        if !packs.is_some_and(|packs| packs != "[]" && listed.insert(packs)) {
-            continue;
-        }
-        let recording = Recording::open(&folder.root().join(&done.file)).ok();
-        let all = recording.and_then(|recording| PackCredits::of_episode(&recording).ok());
-        for one in all.into_iter().flatten() {
-            if !found.contains(&one) {
-                found.push(one);
+/// What recordings say about world packs.
+#[derive(Debug, Default)]
+struct Recorded {
+    /// Authors and licenses.
+    credits: Vec<PackCredits>,
+    /// Categories of objects.
+    categories: BTreeMap<String, String>,
+}
+
+impl Recorded {
+    /// From the first recording with each set of packs. A recording that cannot be read was
+    /// reported when its episode was checked.
+    fn read(folder: &Folder, manifest: &Manifest) -> Self {
+        let (mut listed, mut found) = (BTreeSet::new(), Self::default());
+        for done in &manifest.episodes {
+            let packs = done.scenario.get("packs").map(ToString::to_string);
+            if !listed.insert(packs.unwrap_or_default()) {
+                continue;
+            }
+            let Ok(recording) = Recording::open(&folder.root().join(&done.file)) else {
+                continue;
+            };
+            for one in PackCredits::of_episode(&recording).unwrap_or_default() {
+                if !found.credits.contains(&one) {
+                    found.credits.push(one);
+                }
+            }
+            let assets = recording.snapshot().map(|snapshot| snapshot.assets);
+            for asset in assets.unwrap_or_default() {
+                let name = asset.path.strip_prefix("objects/");
+                let name = name.and_then(|name| name.strip_suffix(".toml"));
+                let table = asset.text.parse::<toml::Table>().ok();
+                let category = table
+                    .as_ref()
+                    .and_then(|table| table.get("category")?.as_str());
+                if let Some((name, category)) = name.zip(category) {
+                    found
+                        .categories
+                        .insert(name.to_owned(), category.to_owned());
+                }
             }
         }
+        found
     }
-    found
 }
 
 /// The card of a dataset.
-fn card(plan: &Plan, manifest: &Manifest, packs: &[PackCredits]) -> String {
+fn card(plan: &Plan, manifest: &Manifest, recorded: &Recorded) -> String {
     let episodes: Vec<SampledEpisode<'_>> = manifest
         .episodes
         .iter()
@@ -96,9 +121,9 @@ fn card(plan: &Plan, manifest: &Manifest, packs: &[PackCredits]) -> String {
         .collect();
     let mut text = head(plan, manifest);
     text += &composition(manifest);
-    text += &by_home_and_object(&episodes);
+    text += &by_home_and_object(&episodes, &recorded.categories);
     text += &coverage(&episodes);
-    text += &card_section(packs);
+    text += &card_section(&recorded.credits);
     text += &making(plan, manifest, &episodes);
     text
 }
@@ -191,8 +216,11 @@ fn counted(count: usize, word: &str) -> String {
     format!("{count} {word}{}", if count == 1 { "" } else { "s" })
 }
 
-/// Content by home and by object.
-fn by_home_and_object(episodes: &[SampledEpisode<'_>]) -> String {
+/// Content by home, by category and by object.
+fn by_home_and_object(
+    episodes: &[SampledEpisode<'_>],
+    categories: &BTreeMap<String, String>,
+) -> String {
     let mut text =
         "| home | plan, style | episodes | tasks | targets |\n|---|---|---|---|---|\n".to_owned();
     for (home, own) in homes_of(episodes) {
@@ -209,6 +237,20 @@ fn by_home_and_object(episodes: &[SampledEpisode<'_>]) -> String {
             tasks.len(),
             targets.len()
         );
+    }
+    let mut by_category: BTreeMap<&str, [usize; 3]> = BTreeMap::new();
+    for (object, [present, target]) in placed_in(episodes) {
+        if let Some(category) = categories.get(object) {
+            let counts = by_category.entry(category).or_default();
+            let more = [1, present, target];
+            *counts = [0, 1, 2].map(|i| counts[i] + more[i]);
+        }
+    }
+    if !by_category.is_empty() {
+        text += "\n| category | objects | placed | as the target |\n|---|---|---|---|\n";
+    }
+    for (category, [objects, placed, target]) in by_category {
+        let _ = writeln!(text, "| {category} | {objects} | {placed} | {target} |");
     }
     text += "\n| object | episodes | as the target |\n|---|---|---|\n";
     for (object, [present, target]) in placed_in(episodes) {
@@ -466,8 +508,12 @@ mod tests {
             episode("studio-nordic-3", "mustard"),
             episode("home", "coke"),
         ];
-        let text = by_home_and_object(&episodes);
+        let categories = [("coke", "can"), ("mug", "mug")];
+        let categories = categories.map(|(name, of)| (name.to_owned(), of.to_owned()));
+        let categories = BTreeMap::from(categories);
+        let text = by_home_and_object(&episodes, &categories);
         for row in [
+            "| can | 1 | 3 | 2 |",
             "| studio-nordic-3 | studio, nordic | 2 | 1 | 2 |",
             "| home | – | 1 | 1 | 1 |",
             "| coke | 3 | 2 |",

@@ -1,12 +1,13 @@
-//! Licenses and splits of the world packs of a plan, checked before any episode is made.
+//! Licenses, digests and splits of the world packs of a plan, checked before any episode is made.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use wheelarm_pack::Store;
+use wheelarm_pack::{ObjectFile, Pack, Store, to_hex};
 use wheelarm_proto::seeds::Purpose;
 
 use super::plan::Plan;
+use crate::worlds::{self, SHIPPED, SHIPPED_OBJECTS, Worlds};
 
 /// Checks that the packs of the plan's scene and objects permit commercial use.
 ///
@@ -15,7 +16,8 @@ use super::plan::Plan;
 ///
 /// # Errors
 /// When the plan has `pack_license = "commercial"` and a part of a pack does not permit it, when the
-/// plan is for training and a pack is held out for tests, or when a pack is not valid.
+/// plan is for training and a pack, or an object of it, is held out for tests, or when a pack is
+/// not valid or not the one that the plan names.
 pub fn check(
     path: &Path,
     plan: &Plan,
@@ -31,6 +33,7 @@ pub fn check(
     let further = further.filter(|name| *name != scene);
     let further = further.chain(&plan.variation.homes);
     let mut problems = Vec::new();
+    let sides = worlds::shipped()?;
     for name in of_scene.into_iter().chain(further) {
         let pack = Store::search(packs, assets).open(name);
         let pack = pack.with_context(|| format!("the pack {name:?} cannot be used"))?;
@@ -42,6 +45,16 @@ pub fn check(
                 path.display()
             );
         }
+        if plan.purpose == Purpose::Train
+            && let Some(what) = held_out_object(&sides, &pack)
+        {
+            bail!(
+                "{}: {what} of the pack {name:?} is held out for tests ({SHIPPED}), and the plan is \
+                 for training; write held_out = true in its table [stock], or name another pack",
+                path.display()
+            );
+        }
+        check_digest(path, plan, &pack)?;
         let Err(problem) = pack.check_commercial() else {
             continue;
         };
@@ -52,6 +65,36 @@ pub fn check(
         problems.push(problem.to_string());
     }
     Ok((!problems.is_empty()).then(|| problems.join("\n")))
+}
+
+/// An object that tasks may place, that training must not see, and that is not marked in its pack.
+fn held_out_object(sides: &Worlds, pack: &Pack) -> Option<String> {
+    let objects = pack.names("objects", "toml");
+    let mut found = objects.filter_map(|name| {
+        let text = pack.file(&format!("objects/{name}.toml"))?;
+        let file: ObjectFile = toml::from_str(&String::from_utf8_lossy(text)).ok()?;
+        let is_sampled = file.stock.is_some_and(|stock| !stock.held_out);
+        let is_held_out =
+            sides.is_held_out_object(name) || sides.held_out.categories.contains(&file.category);
+        (is_sampled && is_held_out).then(|| format!("the object {name:?}, a {},", file.category))
+    });
+    found.next()
+}
+
+/// Rejects a pack with another physics digest than the plan names.
+fn check_digest(path: &Path, plan: &Plan, pack: &Pack) -> anyhow::Result<()> {
+    let own = to_hex(&pack.id().physics);
+    let mut refs = plan.scenario().packs.iter();
+    let named = refs.find(|named| named.name == pack.id().name);
+    match named.map(|named| &named.physics_digest) {
+        Some(wanted) if !wanted.is_empty() && *wanted != own => bail!(
+            "{}: the pack {:?} has the physics digest {own}, expected {wanted} ({SHIPPED_OBJECTS}, or packs \
+             of [scenario]); take the pack of this version of WheelArm",
+            path.display(),
+            pack.id().name
+        ),
+        _ => Ok(()),
+    }
 }
 
 #[cfg(test)]
@@ -108,6 +151,27 @@ mod tests {
         let refused = check(train, folder.path()).unwrap_err().to_string();
         assert!(refused.contains("held out for tests"), "{refused}");
         assert_eq!(check(PLAN.to_owned(), folder.path()).unwrap(), None);
+        let train = || PLAN.replace("\"x\"", "\"x\"\nfirst_seed = 10000");
+        let stock = "words = \"jar\", headroom = 0.3, depth = 0.2, yaw_deg = 180";
+        for (more, permitted) in [("", false), (", held_out = true", true)] {
+            let vase = format!("category = \"vase\"\nstock = {{ {stock}{more} }}");
+            let folder = packs("objects/jar.toml", "category = \"jar\"", &vase);
+            let checked = check(train(), folder.path()).map_err(|error| error.to_string());
+            match permitted {
+                true => assert_eq!(checked, Ok(None)),
+                false => {
+                    let error = checked.unwrap_err();
+                    assert!(error.contains("held_out = true"), "{error}");
+                }
+            }
+        }
+        let named = PLAN.replace(
+            "[[scenario.cameras]]",
+            "[[scenario.packs]]\nname = \"flat\"\nphysics_digest = \"ab\"\n[[scenario.cameras]]",
+        );
+        let folder = packs("pack.toml", "format = 1", "format = 1");
+        let error = check(named, folder.path()).unwrap_err().to_string();
+        assert!(error.contains("expected ab"), "{error}");
         // A scene of the assets has no pack.
         let home = commercial.replace("\"flat\"", "\"home\"");
         assert_eq!(check(home, Path::new("nowhere")).unwrap(), None);

@@ -210,7 +210,14 @@ impl EvaluateArgs {
         }
         let shared = &mut scope.variation.scenario;
         // Results name them, so that those of other objects are not counted together.
-        shared.packs = self.objects.refs();
+        if !self.objects.objects.is_empty() {
+            if !shared.packs.is_empty() {
+                bail!(
+                    "--objects and the objects of the split exclude each other; remove --objects"
+                );
+            }
+            shared.packs = self.objects.refs();
+        }
         if self.robot != defaults::ROBOT {
             shared.robot.clone_from(&self.robot);
         }

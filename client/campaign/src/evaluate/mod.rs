@@ -33,6 +33,7 @@ use wheelarm_rollout::EpisodeLog;
 
 use crate::listed_tasks::check_task;
 use crate::policy_options::{Choice, DriverChoice, Start, files};
+use crate::variation::Variation;
 use crate::worlds::tasks_of_homes;
 use entry::Job;
 use report::Report;
@@ -73,7 +74,7 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
     }
     make_folder(&args.out)?;
     let scope = args.scope()?;
-    let tasks = tasks(args, scope.layout, &scope.variation.homes)?;
+    let tasks = tasks(args, scope.layout, &scope.variation)?;
     let driver = DriverChoice::start(
         &args.policy,
         &Start {
@@ -201,12 +202,15 @@ fn skipped(args: &EvaluateArgs, done: &[&Entry], wanted: usize) -> String {
 
 /// Names of the tasks to run. With the axis `layout`, `all` means the tasks that have several
 /// layouts.
-fn tasks(args: &EvaluateArgs, layout: bool, homes: &[String]) -> anyhow::Result<Vec<String>> {
+fn tasks(args: &EvaluateArgs, layout: bool, variation: &Variation) -> anyhow::Result<Vec<String>> {
+    let packs = variation.scenario.packs.iter();
+    let objects: Vec<String> = packs.map(|pack| pack.name.clone()).collect();
+    let homes = &variation.homes;
     let sources = TaskSources {
         assets: args.assets.as_deref(),
         packs: &args.packs.packs,
         scene: &args.scene,
-        objects: &args.objects.objects,
+        objects: &objects,
     };
     let named = match args.task.as_str() {
         "all" => Vec::new(),

@@ -17,7 +17,7 @@ use crate::axis::AxisAt;
 use crate::frozen;
 use crate::renamed_keys::translated;
 use crate::variation::{Variation, VariationFile};
-use crate::worlds::Worlds;
+use crate::worlds;
 
 /// The episodes of an evaluation.
 #[derive(Clone, Debug, PartialEq)]
@@ -141,9 +141,10 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
     let variation = file.variation.checked(file.scenario);
     let mut variation = variation.map_err(|(span, what)| at(Some(span), &what))?;
     if !variation.homes.is_empty() {
-        let worlds = Worlds::shipped()?;
-        let one_side = worlds.check_one_side(&variation.homes);
-        one_side.with_context(|| path.display().to_string())?;
+        let one_side = worlds::shipped()?.check_one_side(&variation.homes);
+        one_side
+            .map_err(anyhow::Error::msg)
+            .with_context(|| path.display().to_string())?;
     }
     frozen::check(path, text, file.frozen.as_deref())?;
     let layout = file.axes.iter().any(|axis| axis.is_layout());

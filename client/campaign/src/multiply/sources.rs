@@ -21,7 +21,7 @@ use wheelarm_sdk::Client;
 
 use super::args::MultiplyArgs;
 use crate::replay::packs::RecordedPacks;
-use crate::worlds::Worlds;
+use crate::worlds;
 
 /// Recordings to multiply.
 pub struct Sources {
@@ -55,7 +55,7 @@ impl Sources {
             packs: RecordedPacks::default(),
             robot: String::new(),
         };
-        let worlds = Worlds::shipped()?;
+        let sides = worlds::shipped()?;
         let mut server: Option<(Server, Client)> = None;
         let most = args.sources.map_or(usize::MAX, |most| most.get());
         for path in files(&args.dir)? {
@@ -76,7 +76,7 @@ impl Sources {
                 }
             };
             let scenario = recording.scenario()?;
-            if let Some(part) = worlds.held_out_part(&scenario) {
+            if let Some(part) = sides.held_out_part(&scenario) {
                 let why = format!(
                     "{part} is kept for tests, and multiplied episodes are training data; use a demonstration without it"
                 );

@@ -7,7 +7,9 @@ use std::path::PathBuf;
 
 use safetensors::tensor::{Dtype, TensorView};
 use serde_json::{Value, json};
+use wheelarm_language::kind_of;
 use wheelarm_policy::ledger::Ledger;
+use wheelarm_policy::worlds::Used;
 use wheelarm_policy::{STATE, state_names, state_units};
 
 use super::batch::parallel;
@@ -37,7 +39,8 @@ const TABLE: [&str; 3] = ["joint_state", "pose", "imu"];
 /// | `depth.CAMERA` | N × height × width, u16 | with [`Tensors::depth`]: millimetres, 0 where nothing is |
 ///
 /// The metadata has one key, `wheelarm`, whose text is JSON: the layout, label,
-/// instruction, task, seed, success, rate, names and units, cameras, training ledger; `thing` is the target of
+/// instruction, task, seed, success, rate, names and units, cameras, training ledger, what it uses
+/// of homes, objects, words and looks (`world`); `thing` is the target of
 /// `thing_names` that the task is about.
 #[derive(Clone, Debug)]
 pub struct Tensors {
@@ -217,6 +220,7 @@ impl Tensors {
             "thing_names": has.keypoints.as_ref().map(|keypoints| &keypoints.objects),
             "calibration": intrinsics::cameras(recording, self.size),
             "ledger": ledger(recording),
+            "world": world(recording),
         })
     }
 }
@@ -229,6 +233,32 @@ fn ledger(recording: &Recording) -> Value {
     let mut ledger = Ledger::default();
     ledger.add(&scenario);
     serde_json::from_str(&ledger.text()).unwrap_or_default()
+}
+
+/// What an episode uses of homes, objects, words and looks; null where its scenario cannot be
+/// read.
+fn world(recording: &Recording) -> Value {
+    #[derive(serde::Deserialize)]
+    struct ObjectFile {
+        #[serde(default)]
+        category: String,
+    }
+    let Ok(scenario) = recording.episode.scenario() else {
+        return Value::Null;
+    };
+    let mut used = Used::from_scenario(&scenario);
+    let assets = recording.episode.snapshot();
+    let assets = assets.map_or_else(|_| Vec::new(), |snapshot| snapshot.assets);
+    let categories = used.objects.iter().filter_map(|name| {
+        let path = format!("objects/{}.toml", kind_of(name));
+        let asset = assets.iter().find(|asset| asset.path == path)?;
+        let file: ObjectFile = toml::from_str(&asset.text).ok()?;
+        (!file.category.is_empty()).then_some(file.category)
+    });
+    used.categories = categories.collect();
+    used.categories.sort();
+    used.categories.dedup();
+    json!(used)
 }
 
 /// Tensors that not every episode has.

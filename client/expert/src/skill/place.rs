@@ -15,6 +15,8 @@ use wheelarm_planning::obb::Obb;
 
 /// The hand approaches from this far above, metres.
 const ABOVE: f64 = 0.06;
+/// The hand corrects a lean of the object from this on, sine of its angle: 1.5°.
+const LEAN: f64 = 0.026;
 /// The hand releases this far above the region, metres.
 const DROP: f64 = 0.003;
 /// Turns about the vertical that are tried besides the one of the grasp, radians.
@@ -114,8 +116,12 @@ impl Skill for Place {
                         self.state = State::Shown(play);
                         return Step::Going(Act::named(Phase::Retracting, "placing"));
                     }
-                    let stop = (candidate.grasp, now.profile.approach_speed * 0.7);
-                    self.state = State::Lower(Motion::new(now, &[stop]), candidate);
+                    let speed = now.profile.approach_speed * 0.7;
+                    let turned = uprighted(now, &candidate);
+                    let stops = turned.map_or(vec![(candidate.grasp, speed)], |at| {
+                        vec![(above(&at), speed), (at, speed)]
+                    });
+                    self.state = State::Lower(Motion::new(now, &stops), candidate);
                     Step::Going(Act::named(Phase::Retracting, "placing"))
                 }
             },
@@ -176,6 +182,29 @@ impl Skill for Place {
             },
         }
     }
+}
+
+/// A pose above another one.
+fn above(at: &Isometry3<f64>) -> Isometry3<f64> {
+    Translation3::new(0.0, 0.0, ABOVE) * at
+}
+
+/// The pose of the end effector that puts the object down as the candidate means to, when it has
+/// turned in the hand since it was grasped: it would touch the region with an edge, and tip.
+fn uprighted(now: &mut Now<'_>, candidate: &GraspCandidate) -> Option<Isometry3<f64>> {
+    let is_soft = now
+        .memory
+        .candidate
+        .is_some_and(|taken| taken.force.is_some());
+    let held = now.memory.held.filter(|_| !is_soft)?;
+    let present = now.object_in_hand();
+    let planned = candidate.grasp * held;
+    // What is up when it is put down.
+    let up = planned.rotation.inverse() * Vector3::z();
+    let found = candidate.grasp.rotation * (present.rotation * up);
+    let at = planned * present.inverse();
+    let leans = found.cross(&Vector3::z()).norm() > LEAN;
+    (leans && now.reaches(&[above(&at), at])).then_some(at)
 }
 
 /// The stretch that was shown for a candidate to put down what is in the hand.
@@ -261,7 +290,7 @@ fn own(
             );
             let at = put * tool_from_item.inverse();
             GraspCandidate {
-                pregrasp: Translation3::new(0.0, 0.0, ABOVE) * at,
+                pregrasp: above(&at),
                 grasp: at,
                 opening: width,
                 width,

@@ -1,6 +1,7 @@
 //! Tests of task files, samples over many seeds, and evaluation of synthetic snapshots.
 
 mod evaluation;
+mod home_words;
 mod maps;
 mod object_packs;
 mod queries;

@@ -7,8 +7,9 @@ use wheelarm_pack::Pack;
 
 use super::super::sentence::{grammar_of, language_scene};
 use super::super::task_sampling;
+use super::home_words::parsed_sentences;
 use super::*;
-use crate::scene::{Placement, SceneError, names};
+use crate::scene::{SceneError, names};
 
 const HOME_TASKS: [&str; 8] = [
     "carry_to_living_room",
@@ -90,6 +91,57 @@ fn seeds_select_places_objects_and_clutter() {
     assert_eq!(places.len(), 3, "{places:?}");
     assert!(targets.len() >= 4, "{targets:?}");
     assert!((2..=4).contains(&most), "{most}");
+}
+
+#[test]
+fn place_of_an_object_does_not_reveal_that_it_is_the_target() {
+    let scene = stocked(&assets(), "take_anything", home()).expect("a stocked home");
+    let query = TaskSpec::load(&assets(), "take_anything", &scene, &hand()).expect("a task");
+    let (mut scenes, mut expected, mut variance, mut nearest) = (0, 0.0, 0.0, 0.0);
+    for seed in 0..160 {
+        let variant = variant_of(&query, seed, None).expect("a place");
+        let settled = query.settled(variant, &scene, seed, "");
+        let (task, variant) = settled.expect("a place");
+        let sample = task_sampling::sample(&task, &variant, &scene, seed, None);
+        if task.rivals.is_empty() {
+            continue;
+        }
+        let place = scene.place_named(&variant.name).expect("a place");
+        let surface = scene.surface_named(&place.furniture, Some(&place.surface));
+        let edge = surface.expect("a surface").edge.inverse();
+        let inwards = |name: &String| {
+            let object = scene.object_named(name).expect("an object");
+            let placed = sample.scene.placements[object].expect("it exists");
+            (edge * placed.pose).translation.x
+        };
+        let own = inwards(&sample.target);
+        nearest += f64::from(task.rivals.iter().all(|rival| inwards(rival) > own));
+        let chance = 1.0 / (1 + task.rivals.len()) as f64;
+        (scenes, expected) = (scenes + 1, expected + chance);
+        variance += chance * (1.0 - chance);
+    }
+    assert!(scenes > 80, "{scenes}");
+    assert!(
+        (nearest - expected).abs() < 3.0 * variance.sqrt(),
+        "{nearest} of {scenes}, expected {expected}"
+    );
+}
+
+#[test]
+fn named_target_has_the_objects_of_its_sample() {
+    let scene = stocked(&assets(), "take_anything", home()).expect("a stocked home");
+    let task = TaskSpec::load(&assets(), "take_anything", &scene, &hand()).expect("a task");
+    for seed in 0..40 {
+        let variant = variant_of(&task, seed, None).expect("a place");
+        let (one, places) = task.settled(variant, &scene, seed, "").expect("a place");
+        let again = task.settled(variant, &scene, seed, &one.targets[0]);
+        let (other, same) = again.expect("its target");
+        assert_eq!((&one.rivals, places), (&other.rivals, same), "{seed}");
+        for rival in &one.rivals {
+            let (other, _) = task.settled(variant, &scene, seed, rival).expect("a rival");
+            assert!(other.rivals.contains(&one.targets[0]), "{seed} {rival}");
+        }
+    }
 }
 
 #[test]
@@ -263,43 +315,11 @@ fn sentences_about_every_home_parse_to_their_target() {
     ] {
         for name in tasks {
             for seed in 0..4 {
-                let (task, _, mut scene, sample) = sampled(name, &scene, seed);
-                let placements: Vec<Option<Placement>> = sample.scene.placements;
-                let mut present = placements.iter().map(Option::is_some);
-                scene.objects.retain(|_| present.next().unwrap_or(false));
-                let placements: Vec<Placement> = placements.into_iter().flatten().collect();
-                let described = language_scene(&scene, &placements, &task);
-                let grammar = grammar_of(&assets()).unwrap().for_scene(&described);
-                let parser = Parser::new(&grammar, &described);
-                let target = described.named(&sample.target);
-                let mut texts = task.instructions.clone();
-                let language = Language {
-                    seed,
-                    split: wheelarm_proto::settings::LanguageSplit::Any,
-                    typo_share: 0.0,
-                    politeness_share: 0.5,
-                    ambiguous_share: 0.0,
-                    template: String::new(),
-                    question: String::new(),
-                };
-                let about = (&task, sample.target.as_str());
-                let made = sentence(&assets(), about, &scene, &placements, seed, &language);
-                let made = made.unwrap().expect("a sentence").text;
-                named += usize::from(made.contains("in the kitchen") || made.contains("Salle"));
-                texts.push(made);
-                for text in texts {
-                    let Answer::Clear(meaning) = parser.parse(&text) else {
-                        panic!("{}: {text:?}: {:?}", scene.name, parser.parse(&text));
-                    };
-                    assert_eq!(Some(meaning.target), target, "{text}");
-                    let verb = match task.goal {
-                        Goal::Put { .. } => Verb::Put,
-                        Goal::Open(_) => Verb::Open,
-                        Goal::Close(_) => Verb::Close,
-                        _ => Verb::Lift,
-                    };
-                    assert_eq!(meaning.verb, verb, "{text}");
-                }
+                let (task, _, scene, sample) = sampled(name, &scene, seed);
+                let texts = parsed_sentences(&task, &scene, &sample, seed, 1);
+                let is_named =
+                    |text: &String| text.contains("in the kitchen") || text.contains("Salle");
+                named += usize::from(texts.last().is_some_and(is_named));
             }
         }
     }

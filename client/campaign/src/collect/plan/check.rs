@@ -14,7 +14,7 @@ use super::form::TaskFile;
 use super::parts::{PlanError, Task};
 use crate::sentences::Language;
 use crate::variation::{Mistake, Variation};
-use crate::worlds::Worlds;
+use crate::worlds;
 
 pub(super) fn line_of(text: &str, span: &Range<usize>) -> usize {
     let before = text.get(..span.start).unwrap_or(text);
@@ -96,9 +96,9 @@ impl Check<'_> {
         if purpose != Purpose::Train {
             return Ok(());
         }
-        let worlds = Worlds::shipped().map_err(|error| self.whole(&format!("{error:#}")))?;
-        let homes = worlds.check_training_homes(&variation.homes);
-        let rest = homes.and_then(|()| worlds.check_training(&variation.scenario));
+        let sides = worlds::shipped().map_err(|error| self.whole(&format!("{error:#}")))?;
+        let homes = sides.check_training_homes(&variation.homes);
+        let rest = homes.and_then(|()| sides.check_training(&variation.scenario));
         rest.map_err(|what| self.whole(&what))?;
         let scenario = &mut variation.scenario;
         let takes_objects_of_packs = !variation.homes.is_empty() || !scenario.packs.is_empty();
