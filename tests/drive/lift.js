@@ -232,7 +232,8 @@ async function lift(user, say) {
     }, "it is lifted, or it ends", 180 * SLOW);
     await rests(user);
     // The object counts as held after a second in the hand.
-    const held = await user.sees(/mustard in the hand: yes/, "it is in the hand", 5).catch(() => "");
+    const isDone = result === "lifted" || /done: /.test(await user.messages());
+    const held = isDone && await user.sees(/mustard in the hand: yes/, "it is in the hand", 5).catch(() => "");
     say(`round ${round}: ${result}, ${held || "not in the hand"}: ${(await user.messages()).replaceAll("\n", " | ")}`);
     if (held) break;
   }
