@@ -2,7 +2,8 @@
 # Tests the page that drives (client/teleop/web/page).
 #   tests/drive.sh        its logic with node; every device, accessibility and a headset in
 #                         Chromium; and one switch that lifts the mustard, on twelve seeds. Installs
-#                         Chromium and four npm packages if they are missing.
+#                         Chromium and four npm packages if they are missing. With SLOW=4 all
+#                         clocks of the last part run at a quarter, for a busy machine.
 #   tests/drive.sh fast   only its logic: seconds, with node alone
 set -euo pipefail
 cd "$(dirname "$0")/drive"

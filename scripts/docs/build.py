@@ -28,7 +28,7 @@ import summary
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 #: Pages that are not part of the site.
-LEFT_OUT = ("server/rapier3d/", "client/cli/templates/", ".github/")
+LEFT_OUT = ("server/rapier3d/", "client/cli/templates/", "tests/", ".github/")
 #: A link of a page: its text, target and anchor.
 LINK = re.compile(r"(?<!!)\[([^\]]*)\]\(([^)\s#]*)(#[^)\s]*)?\)")
 

@@ -12,10 +12,13 @@ const AWAKE = ["--disable-background-timer-throttling", "--disable-backgrounding
 // are then no race on a machine that has other work. Tests check order alone.
 const SLOW = "{ const real = performance.now.bind(performance); performance.now = () => real() / 3; }";
 
+/** The headset's tests need WebGL. */
+const WEBGL = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
+
 /** Starts Chromium once for all tests of a file. */
-export const launch = () => chromium.launch({
+export const launch = (graphics = WEBGL) => chromium.launch({
   executablePath: EXECUTABLE, ignoreDefaultArgs: AWAKE,
-  args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream"],
+  args: ["--no-sandbox", ...graphics, "--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream"],
 });
 
 /**

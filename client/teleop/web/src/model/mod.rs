@@ -289,7 +289,7 @@ impl Model {
                     effects.push(self.audit(page, "refused", &reason));
                 }
                 Out::Note(text) => effects.push(note(page, true, &text)),
-                Out::EndGoal => effects.extend(self.end_goal("stopped by hand", time)),
+                Out::EndGoal => effects.extend(self.end_goal("stopped", time)),
             }
         }
         effects
