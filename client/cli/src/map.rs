@@ -134,7 +134,7 @@ fn yaml(map: &v1::MapReply, image: &str) -> String {
 /// Rooms and doors, metres and radians.
 fn json(map: &v1::MapReply) -> String {
     let rooms = map.rooms.iter().map(|room| {
-        let outline: Vec<_> = room.x.iter().zip(&room.y).collect();
+        let outline: Vec<_> = room.corners.iter().map(|at| [at.x, at.y]).collect();
         serde_json::json!({"name": room.name, "kind": room.kind, "outline": outline})
     });
     let doors = map.doors.iter().map(|door| {

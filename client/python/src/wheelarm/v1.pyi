@@ -1818,6 +1818,8 @@ class RobotDescription(_Message):
     travel: TravelPosture
     """The arm stowed for long ways and narrow doors; absent when the robot has no such posture.
     """
+    scanner: ScannerDescription
+    """Its laser scanner; absent when it has none."""
     def __init__(
         self,
         *,
@@ -1841,6 +1843,39 @@ class RobotDescription(_Message):
         cameras: _Iterable[RobotCamera | _Mapping[str, _Any]] | None = ...,
         urdf_text: str | None = ...,
         travel: TravelPosture | _Mapping[str, _Any] | None = ...,
+        scanner: ScannerDescription | _Mapping[str, _Any] | None = ...,
+    ) -> None: ...
+
+class ScannerDescription(_Message):
+    """A laser scanner that measures distances in one plane. Ray `i` points to the angle `first + i
+    * step` about z of the scanner's frame, from x.
+    """
+    frame: str
+    """Name of its frame (no unit)."""
+    link: str
+    """Link that carries it (no unit)."""
+    pose: Pose
+    """Pose of its frame in the link, metres."""
+    first_angle: float
+    """Angle of the first ray, radians."""
+    angle_step: float
+    """Angle between two rays, radians."""
+    rays: int
+    """Rays of a scan (count)."""
+    least_range: float
+    """Least and greatest distance that it measures, metres."""
+    greatest_range: float
+    def __init__(
+        self,
+        *,
+        frame: str | None = ...,
+        link: str | None = ...,
+        pose: Pose | _Mapping[str, _Any] | None = ...,
+        first_angle: float | None = ...,
+        angle_step: float | None = ...,
+        rays: int | None = ...,
+        least_range: float | None = ...,
+        greatest_range: float | None = ...,
     ) -> None: ...
 
 class TravelPosture(_Message):
@@ -1926,6 +1961,23 @@ class Imu(_Message):
         linear_acceleration: Vector3 | _Mapping[str, _Any] | None = ...,
     ) -> None: ...
 
+class Scan(_Message):
+    """Distances by the laser scanner of the robot, along the rays of RobotDescription.scanner;
+    nothing where the robot has none. It does not see the robot and the person in it.
+    """
+    header: Header
+    """Stamp of the sample."""
+    ranges: _Scalars[float]
+    """Distance along each ray, metres: +infinity where nothing is within the range, and -infinity
+    where something is closer than the range.
+    """
+    def __init__(
+        self,
+        *,
+        header: Header | _Mapping[str, _Any] | None = ...,
+        ranges: _Iterable[float] | None = ...,
+    ) -> None: ...
+
 class Odometry(_Message):
     """Wheel odometry of the chair since the last reset."""
     header: Header
@@ -2002,6 +2054,20 @@ class SensedImu(_Message):
         header: Header | _Mapping[str, _Any] | None = ...,
         angular_velocity: Vector3 | _Mapping[str, _Any] | None = ...,
         linear_acceleration: Vector3 | _Mapping[str, _Any] | None = ...,
+    ) -> None: ...
+
+class SensedScan(_Message):
+    """Distances with the errors of a sensor model of the laser scanner; nothing where none is on.
+    """
+    header: Header
+    """Stamp of the sample."""
+    ranges: _Scalars[float]
+    """As Scan.ranges, metres; +infinity also where the scanner received no light."""
+    def __init__(
+        self,
+        *,
+        header: Header | _Mapping[str, _Any] | None = ...,
+        ranges: _Iterable[float] | None = ...,
     ) -> None: ...
 
 class ReachRequest(_Message):
@@ -2515,6 +2581,8 @@ class Scenario(_Message):
     tests; or `held_out`, with targets that are held out. Empty keeps the one in force, at first
     `any` (no unit).
     """
+    scan_rate_hz: float
+    """Rate of the laser scanner, Hz; must divide 60; 0 is off. At start-up 0. Optional."""
     def __init__(
         self,
         *,
@@ -2555,6 +2623,7 @@ class Scenario(_Message):
         layout_seed: int | None = ...,
         home_style: str | None = ...,
         object_split: str | None = ...,
+        scan_rate_hz: float | None = ...,
     ) -> None: ...
 
 class TaskGoal(_Message):
@@ -2827,6 +2896,105 @@ class SceneReply(_Message):
         furniture_urdf: str | None = ...,
         robot: RobotDescription | _Mapping[str, _Any] | None = ...,
         persons: _Iterable[SeatedPerson | _Mapping[str, _Any]] | None = ...,
+    ) -> None: ...
+
+class MapRequest(_Message):
+    """Requests the floor of the home as its robot sees it. Query `map`."""
+    without_objects: bool
+    """Leaves out the movable objects (no unit)."""
+    def __init__(
+        self,
+        *,
+        without_objects: bool | None = ...,
+    ) -> None: ...
+
+class MapReply(_Message):
+    """Answers the query `map`. A cell is a square; the first one has the corner (`x`, `y`), and
+    cells follow first along x, then along y of `house`. The values of cells are those of
+    nav_msgs/OccupancyGrid: 0 free, 100 not, -1 outside of the home, as signed bytes.
+    """
+    header: Header
+    """Stamp of the answer."""
+    resolution: float
+    """Side of a cell, metres."""
+    x: float
+    """Corner of the first cell in `house`, metres."""
+    y: float
+    """Corner of the first cell in `house`, metres."""
+    width: int
+    """Cells along x (count)."""
+    height: int
+    """Cells along y (count)."""
+    occupied: bytes
+    """100 where something stands, up to the height of the robot (no unit)."""
+    free: bytes
+    """0 where the origin of the chair's frame can be in some heading, with the person in it, the
+    arm at home and the clearance of driving, connected with its present place (no unit).
+    """
+    rooms: _Messages[MapRoom]
+    """Rooms inside; none in a scene without rooms."""
+    doors: _Messages[MapDoor]
+    """Doors and passages between them."""
+    def __init__(
+        self,
+        *,
+        header: Header | _Mapping[str, _Any] | None = ...,
+        resolution: float | None = ...,
+        x: float | None = ...,
+        y: float | None = ...,
+        width: int | None = ...,
+        height: int | None = ...,
+        occupied: bytes | None = ...,
+        free: bytes | None = ...,
+        rooms: _Iterable[MapRoom | _Mapping[str, _Any]] | None = ...,
+        doors: _Iterable[MapDoor | _Mapping[str, _Any]] | None = ...,
+    ) -> None: ...
+
+class MapRoom(_Message):
+    """A room of a map."""
+    name: str
+    """Unique name (no unit)."""
+    kind: str
+    """Kind in one word, for example `kitchen`; may be empty (no unit)."""
+    x: _Scalars[float]
+    """Corners of its outline in `house`: x of each, metres."""
+    y: _Scalars[float]
+    """Corners of its outline in `house`: y of each, metres."""
+    def __init__(
+        self,
+        *,
+        name: str | None = ...,
+        kind: str | None = ...,
+        x: _Iterable[float] | None = ...,
+        y: _Iterable[float] | None = ...,
+    ) -> None: ...
+
+class MapDoor(_Message):
+    """A door or a passage of a map."""
+    x: float
+    """Its middle in `house`, metres."""
+    y: float
+    """Its middle in `house`, metres."""
+    along: float
+    """Direction of the wall in `house`, radians."""
+    width: float
+    """Width of the opening, metres."""
+    clear_width: float
+    """Width in which nothing stands, metres; 0 for a closed door."""
+    has_leaf: bool
+    """It has a leaf (no unit)."""
+    rooms: _Scalars[str]
+    """Names of the rooms on its two sides; empty for outside (no unit)."""
+    def __init__(
+        self,
+        *,
+        x: float | None = ...,
+        y: float | None = ...,
+        along: float | None = ...,
+        width: float | None = ...,
+        clear_width: float | None = ...,
+        has_leaf: bool | None = ...,
+        rooms: _Iterable[str] | None = ...,
     ) -> None: ...
 
 class PickRequest(_Message):

@@ -67,6 +67,7 @@ const ROWS: &[Row] = &[
     (In, Kind::Query, "query/status", "vopra"),
     (Out, Kind::Reply, "query/status", "vopra"),
     (In, Kind::Query, "query/scene", "vopra"),
+    (In, Kind::Query, "query/map", "vopra"),
     (In, Kind::Query, "query/tasks", "vopra"),
     (In, Kind::Query, "query/packs", "vopra"),
     (In, Kind::Query, "query/pack_put", "a"),

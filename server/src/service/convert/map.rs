@@ -37,12 +37,11 @@ pub fn home_map(map: &HomeMap) -> v1::MapReply {
 }
 
 fn room(room: &Room) -> v1::MapRoom {
-    let [x, y] = [0, 1].map(|axis| room.outline.iter().map(|corner| corner[axis]).collect());
+    let corners = room.outline.iter();
     v1::MapRoom {
         name: room.name.clone(),
         kind: room.kind.clone(),
-        x,
-        y,
+        corners: corners.map(|&[x, y]| v1::MapPoint { x, y }).collect(),
     }
 }
 
