@@ -4,12 +4,10 @@
 
 use std::iter::once;
 
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Point3};
 use wheelarm_planning::floor_map::STOP_CLEARANCE;
-use wheelarm_planning::footprint_check::{FootprintCheck, Pose2, wrap};
-use wheelarm_planning::leaf_push::{
-    ARM_STEPS, Ball, ClosedHand, HingedLeaf, NoPush, PushingChair, sampled_lines,
-};
+use wheelarm_planning::footprint_check::{FootprintCheck, Pose2};
+use wheelarm_planning::leaf_push::{HingedLeaf, NoPush, PushingChair};
 use wheelarm_planning::obb::Obb;
 use wheelarm_proto::furniture::JointMotion;
 
@@ -19,8 +17,6 @@ use super::goal::Goal;
 use super::random::{number, stream};
 use super::scene_sampling::SceneSample;
 use super::spec::TaskSpec;
-use crate::robot::RobotModel;
-use crate::robot::kinematics::ArmKinematics;
 use crate::scene::{FurnitureJoint, Scene};
 
 /// Base placements that are looked for, and that a door needs: the check knows nothing of the
@@ -32,56 +28,6 @@ const LEAST_OPEN: f64 = 0.55;
 const ANGLES: usize = 5;
 /// Furniture within this distance of a hinge may be in the way, metres.
 const NEAR: f64 = 1.6;
-/// Radius of closed fingers, metres.
-const FINGERS: f64 = 0.024;
-/// Largest change of a joint that the search for its position makes, radians.
-const NEAR_CHANGE: f64 = 1.2;
-
-/// The arm of a robot that pushes.
-#[derive(Clone, Debug)]
-pub(super) struct PushingArm {
-    kinematics: ArmKinematics,
-    /// Positions of its joints at home, radians.
-    home: [f64; 6],
-    /// chair_from_base.
-    mount: Isometry3<f64>,
-    hand: ClosedHand,
-}
-
-impl PushingArm {
-    /// The arm of a robot.
-    pub(super) fn new(model: &RobotModel) -> Self {
-        let gripper = &model.settings.gripper;
-        let balls = gripper.hand_balls.iter().map(|&[x, y, z, radius]| Ball {
-            centre: Vector3::new(x, y, z),
-            radius,
-        });
-        let tip = model.settings.tool_length + gripper.corridor.tip;
-        Self {
-            kinematics: ArmKinematics::new(model),
-            home: model.settings.home,
-            mount: model.arm_mount(),
-            hand: ClosedHand::with_fingers(balls.collect(), FINGERS, tip),
-        }
-    }
-
-    /// Whether the arm, from home, reaches poses in its base one after another on straight
-    /// lines.
-    fn follows(&self, poses: &[Isometry3<f64>]) -> bool {
-        let [spacing, change] = ARM_STEPS;
-        let start = self.kinematics.forward(&self.home);
-        let mut joints = self.home;
-        sampled_lines(&start, poses, spacing).iter().all(|pose| {
-            let found = self.kinematics.solve_local(pose, &joints, NEAR_CHANGE);
-            found.is_ok_and(|next| {
-                let turns = joints.iter().zip(&next.joints);
-                let follows = turns.into_iter().all(|(a, b)| wrap(a - b).abs() <= change);
-                joints = next.joints;
-                follows
-            })
-        })
-    }
-}
 
 impl Floor {
     /// Whether a chair that starts as sampled gets to where its arm pushes a door from an angle
@@ -187,10 +133,12 @@ pub(super) fn choose_angle(
 mod tests {
     use std::path::PathBuf;
 
-    use nalgebra::Translation3;
+    use nalgebra::{Translation3, Vector3};
 
     use super::super::floor::outlines;
+    use super::super::pushing_arm::PushingArm;
     use super::*;
+    use crate::robot::RobotModel;
 
     const OPEN: f64 = 0.95;
 
