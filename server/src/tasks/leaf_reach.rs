@@ -26,6 +26,8 @@ const PLACEMENTS: [usize; 2] = [8, 3];
 /// but at least by this angle, radians; and how many angles are tried.
 const LEAST_OPEN: f64 = 0.55;
 const ANGLES: usize = 5;
+/// A door has to be free to open this far beyond the bound of its task, radians.
+const BEYOND: f64 = 0.02;
 /// Furniture within this distance of a hinge may be in the way, metres.
 const NEAR: f64 = 1.6;
 
@@ -71,17 +73,25 @@ impl Floor {
     }
 }
 
-/// Boxes of the furniture near the hinge of a joint, without what turns on it.
-fn around(scene: &Scene, joint: &FurnitureJoint, leaf: &HingedLeaf) -> Vec<Obb> {
+/// Boxes of the furniture near the hinge of a joint, without what turns on it, and with or
+/// without what carries it.
+fn around(
+    scene: &Scene,
+    joint: &FurnitureJoint,
+    leaf: &HingedLeaf,
+    without_carrier: bool,
+) -> Vec<Obb> {
     let hinge = Point3::from(leaf.rest.translation.vector);
     let furniture = scene.furniture.iter().enumerate();
     let others = furniture.filter(|(index, _)| *index != joint.furniture);
+    let others = others.filter(|(index, _)| !without_carrier || *index != joint.carrier);
     let boxes = others.flat_map(|(_, body)| collision_boxes(body));
     boxes.filter(|obb| obb.distance(&hinge) < NEAR).collect()
 }
 
-/// Whether the robot pushes the door of a sampled task shut, which is then open by an angle
-/// that makes it possible. True of other tasks, and without maps.
+/// Whether the door of a sampled task opens as far as the task wants without meeting furniture
+/// or walls; or the robot pushes it shut, and it is then open by an angle that makes this
+/// possible. True of other tasks, and without maps.
 pub(super) fn choose_angle(
     spec: &TaskSpec,
     (scene, target): (&Scene, &str),
@@ -89,7 +99,9 @@ pub(super) fn choose_angle(
     seed: u64,
     floor: &Floor,
 ) -> bool {
-    let (Goal::Close(_), Some(joint)) = (&spec.goal, scene.joint_of_furniture(target)) else {
+    let (Goal::Close(bounds) | Goal::Open(bounds), Some(joint)) =
+        (&spec.goal, scene.joint_of_furniture(target))
+    else {
         return true;
     };
     let mut slides = spec.area.slides.iter();
@@ -109,7 +121,14 @@ pub(super) fn choose_angle(
         axis: joint.axis,
         boxes: boxes.collect(),
     };
-    let around = around(scene, joint, &leaf);
+    if floor.drivable(&spec.area).is_none() {
+        return true;
+    }
+    let beside = around(scene, joint, &leaf, true);
+    if matches!(spec.goal, Goal::Open(_)) {
+        return leaf.swings_free(bounds.angle + BEYOND, &beside);
+    }
+    let around = around(scene, joint, &leaf, false);
     let mut random = stream(&spec.area.name, seed, "angle of a door");
     let less = Range {
         min: LEAST_OPEN.min(slide.position.max),
@@ -117,6 +136,9 @@ pub(super) fn choose_angle(
     };
     let others = (0..ANGLES).map(|_| number(&mut random, less));
     let found = once(sample.positions[index]).chain(others).find(|angle| {
+        if !leaf.swings_free(*angle, &beside) {
+            return false;
+        }
         let pushed = floor.can_push_shut(spec, (&leaf, &around), *angle, sample);
         pushed.unwrap_or_else(|why| {
             tracing::debug!("{target} open by {:.0}°: {why}", angle.to_degrees());
