@@ -86,7 +86,7 @@ enum Command {
     Tasks,
     /// Writes the map of the home for Nav2.
     ///
-    /// Where something stands and where this chair gets to, in cells of 5 cm, with rooms and
+    /// Occupied floor and where this chair gets to, in cells of 5 cm, with rooms and
     /// the clear width of doors.
     #[command(after_long_help = manual::MAP)]
     Map(MapArgs),

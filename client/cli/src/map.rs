@@ -1,4 +1,4 @@
-//! `wheelarm map`: the floor of the home as its robot sees it, as files of Nav2.
+//! `wheelarm map`: the floor of the home for its robot, as files of Nav2.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -19,8 +19,7 @@ pub struct MapArgs {
     /// Name of the files.
     #[arg(long, default_value = "map", requires = "out")]
     name: String,
-    /// What the image shows: `occupied`, where something stands, or `free`, where this chair
-    /// can be.
+    /// Layer of the image: `occupied` floor, or `free`, where this chair can be.
     #[arg(long, value_enum, default_value = "occupied", requires = "out")]
     layer: Layer,
     /// Leaves out the movable objects.
@@ -31,7 +30,7 @@ pub struct MapArgs {
 /// A layer of a map.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Layer {
-    /// Where something stands.
+    /// Occupied floor.
     Occupied,
     /// Where the chair can be.
     Free,

@@ -48,6 +48,8 @@ const APPROACH: f64 = 0.12;
 pub const ARM_STEPS: [f64; 2] = [0.10, 1.0];
 /// Angle between two poses on the arc, radians.
 const ARC_STEP: f64 = 0.14;
+/// Angle between two poses at which the door is checked, radians.
+const SWING_STEP: f64 = 0.03;
 /// Spacing at which the approach is checked, metres.
 const SPACING: f64 = 0.03;
 /// Steps of the heading of the chair against the hand, and of the direction to the hand
@@ -243,6 +245,25 @@ impl HingedLeaf {
     pub fn boxes_at(&self, angle: f64) -> Vec<Obb> {
         let pose = self.pose(angle);
         self.boxes.iter().map(|obb| obb.at(&pose)).collect()
+    }
+
+    /// Whether the door turns up to an angle without meeting boxes of `around` that it does not
+    /// meet when it is closed. `around` has neither the door nor what carries it.
+    #[must_use]
+    pub fn swings_free(&self, angle: f64, around: &[Obb]) -> bool {
+        let meets = |own: &[Obb], other: &Obb| {
+            own.iter().any(|obb| {
+                let ([low, high], [from, to]) = (obb.heights(), other.heights());
+                high > from && low < to && obb.rectangle().overlaps(&other.rectangle())
+            })
+        };
+        let closed = self.boxes_at(0.0);
+        let others: Vec<&Obb> = around.iter().filter(|obb| !meets(&closed, obb)).collect();
+        let steps = (angle.abs() / SWING_STEP).ceil() as u32;
+        (1..=steps).all(|step| {
+            let own = self.boxes_at(angle * f64::from(step) / f64::from(steps));
+            !others.iter().any(|other| meets(&own, other))
+        })
     }
 
     /// The face of the largest box.
@@ -737,6 +758,22 @@ mod tests {
             found.iter().all(|pose| pose.x < 0.4 && pose.y < -0.5),
             "{found:?}"
         );
+    }
+
+    #[test]
+    fn corner_of_a_door_beside_a_wall_stops_it() {
+        // The face is 41 mm before the hinge, and the wall 30 mm beside it.
+        let door = HingedLeaf {
+            boxes: vec![obb([-0.009, -0.041, 0.0], [0.787, 0.003, 0.8])],
+            ..door()
+        };
+        let wall = obb([-0.3, -2.0, 0.0], [-0.0305, 1.0, 2.5]);
+        assert!(door.swings_free(0.58, &[wall]));
+        assert!(!door.swings_free(0.80, &[wall]));
+        assert!(door.swings_free(1.2, &[]));
+        // What it meets when it is closed does not count.
+        let frame = obb([0.1, -0.02, 0.0], [0.3, 0.1, 2.0]);
+        assert!(door.swings_free(1.2, &[frame]));
     }
 
     #[test]

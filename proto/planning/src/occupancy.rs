@@ -1,5 +1,4 @@
-//! Occupancy of a floor in the cells of a floor map: what stands on it, and where a chair can
-//! be.
+//! Occupancy of a floor in the cells of a floor map: what is on it, and where a chair can be.
 
 use super::floor_map::FloorMap;
 use super::footprint_check::{Pose2, Rectangle};

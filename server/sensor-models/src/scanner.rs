@@ -98,16 +98,16 @@ mod tests {
             let truth = [distance; 720];
             let scans = (0..60).flat_map(|k| scanner.measure(4 * k, &truth, [0.06, 12.0]));
             let all: Vec<f32> = scans.collect();
-            let seen: Vec<f64> = all
+            let answered: Vec<f64> = all
                 .iter()
                 .copied()
                 .filter(|d| d.is_finite())
                 .map(f64::from)
                 .collect();
-            let lost = 1.0 - seen.len() as f64 / all.len() as f64;
+            let lost = 1.0 - answered.len() as f64 / all.len() as f64;
             assert!((lost - 0.02).abs() < 0.004, "{lost}");
-            let errors = seen.iter().map(|d| (d - f64::from(distance)).powi(2));
-            let deviation = (errors.sum::<f64>() / seen.len() as f64).sqrt();
+            let errors = answered.iter().map(|d| (d - f64::from(distance)).powi(2));
+            let deviation = (errors.sum::<f64>() / answered.len() as f64).sqrt();
             let expected = 0.002 + 0.005 * f64::from(distance);
             assert!(
                 (deviation / expected - 1.0).abs() < 0.03,

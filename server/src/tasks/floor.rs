@@ -21,7 +21,7 @@ use wheelarm_proto::settings::Starts;
 use super::area::{AreaSpec, Range, StartSpec, Variant};
 use super::drivable::{Drivable, Ground};
 use super::grasp_reach::{GraspReach, Solid};
-use super::leaf_reach::PushingArm;
+use super::pushing_arm::PushingArm;
 use super::random::{index, number, stream};
 use crate::people::{Capsule, HeadPose, Person};
 use crate::robot::{CorridorSettings, OutlineSettings, RobotModel};

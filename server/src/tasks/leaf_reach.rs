@@ -4,12 +4,10 @@
 
 use std::iter::once;
 
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Point3};
 use wheelarm_planning::floor_map::STOP_CLEARANCE;
-use wheelarm_planning::footprint_check::{FootprintCheck, Pose2, wrap};
-use wheelarm_planning::leaf_push::{
-    ARM_STEPS, Ball, ClosedHand, HingedLeaf, NoPush, PushingChair, sampled_lines,
-};
+use wheelarm_planning::footprint_check::{FootprintCheck, Pose2};
+use wheelarm_planning::leaf_push::{HingedLeaf, NoPush, PushingChair};
 use wheelarm_planning::obb::Obb;
 use wheelarm_proto::furniture::JointMotion;
 
@@ -19,8 +17,6 @@ use super::goal::Goal;
 use super::random::{number, stream};
 use super::scene_sampling::SceneSample;
 use super::spec::TaskSpec;
-use crate::robot::RobotModel;
-use crate::robot::kinematics::ArmKinematics;
 use crate::scene::{FurnitureJoint, Scene};
 
 /// Base placements that are looked for, and that a door needs: the check knows nothing of the
@@ -30,58 +26,10 @@ const PLACEMENTS: [usize; 2] = [8, 3];
 /// but at least by this angle, radians; and how many angles are tried.
 const LEAST_OPEN: f64 = 0.55;
 const ANGLES: usize = 5;
+/// A door has to be free to open this far beyond the bound of its task, radians.
+const BEYOND: f64 = 0.02;
 /// Furniture within this distance of a hinge may be in the way, metres.
 const NEAR: f64 = 1.6;
-/// Radius of closed fingers, metres.
-const FINGERS: f64 = 0.024;
-/// Largest change of a joint that the search for its position makes, radians.
-const NEAR_CHANGE: f64 = 1.2;
-
-/// The arm of a robot that pushes.
-#[derive(Clone, Debug)]
-pub(super) struct PushingArm {
-    kinematics: ArmKinematics,
-    /// Positions of its joints at home, radians.
-    home: [f64; 6],
-    /// chair_from_base.
-    mount: Isometry3<f64>,
-    hand: ClosedHand,
-}
-
-impl PushingArm {
-    /// The arm of a robot.
-    pub(super) fn new(model: &RobotModel) -> Self {
-        let gripper = &model.settings.gripper;
-        let balls = gripper.hand_balls.iter().map(|&[x, y, z, radius]| Ball {
-            centre: Vector3::new(x, y, z),
-            radius,
-        });
-        let tip = model.settings.tool_length + gripper.corridor.tip;
-        Self {
-            kinematics: ArmKinematics::new(model),
-            home: model.settings.home,
-            mount: model.arm_mount(),
-            hand: ClosedHand::with_fingers(balls.collect(), FINGERS, tip),
-        }
-    }
-
-    /// Whether the arm, from home, reaches poses in its base one after another on straight
-    /// lines.
-    fn follows(&self, poses: &[Isometry3<f64>]) -> bool {
-        let [spacing, change] = ARM_STEPS;
-        let start = self.kinematics.forward(&self.home);
-        let mut joints = self.home;
-        sampled_lines(&start, poses, spacing).iter().all(|pose| {
-            let found = self.kinematics.solve_local(pose, &joints, NEAR_CHANGE);
-            found.is_ok_and(|next| {
-                let turns = joints.iter().zip(&next.joints);
-                let follows = turns.into_iter().all(|(a, b)| wrap(a - b).abs() <= change);
-                joints = next.joints;
-                follows
-            })
-        })
-    }
-}
 
 impl Floor {
     /// Whether a chair that starts as sampled gets to where its arm pushes a door from an angle
@@ -125,17 +73,25 @@ impl Floor {
     }
 }
 
-/// Boxes of the furniture near the hinge of a joint, without what turns on it.
-fn around(scene: &Scene, joint: &FurnitureJoint, leaf: &HingedLeaf) -> Vec<Obb> {
+/// Boxes of the furniture near the hinge of a joint, without what turns on it, and with or
+/// without what carries it.
+fn around(
+    scene: &Scene,
+    joint: &FurnitureJoint,
+    leaf: &HingedLeaf,
+    without_carrier: bool,
+) -> Vec<Obb> {
     let hinge = Point3::from(leaf.rest.translation.vector);
     let furniture = scene.furniture.iter().enumerate();
     let others = furniture.filter(|(index, _)| *index != joint.furniture);
+    let others = others.filter(|(index, _)| !without_carrier || *index != joint.carrier);
     let boxes = others.flat_map(|(_, body)| collision_boxes(body));
     boxes.filter(|obb| obb.distance(&hinge) < NEAR).collect()
 }
 
-/// Whether the robot pushes the door of a sampled task shut, which is then open by an angle
-/// that makes it possible. True of other tasks, and without maps.
+/// Whether the door of a sampled task opens as far as the task wants without meeting furniture
+/// or walls; or the robot pushes it shut, and it is then open by an angle that makes this
+/// possible. True of other tasks, and without maps.
 pub(super) fn choose_angle(
     spec: &TaskSpec,
     (scene, target): (&Scene, &str),
@@ -143,7 +99,9 @@ pub(super) fn choose_angle(
     seed: u64,
     floor: &Floor,
 ) -> bool {
-    let (Goal::Close(_), Some(joint)) = (&spec.goal, scene.joint_of_furniture(target)) else {
+    let (Goal::Close(bounds) | Goal::Open(bounds), Some(joint)) =
+        (&spec.goal, scene.joint_of_furniture(target))
+    else {
         return true;
     };
     let mut slides = spec.area.slides.iter();
@@ -163,7 +121,14 @@ pub(super) fn choose_angle(
         axis: joint.axis,
         boxes: boxes.collect(),
     };
-    let around = around(scene, joint, &leaf);
+    if floor.drivable(&spec.area).is_none() {
+        return true;
+    }
+    let beside = around(scene, joint, &leaf, true);
+    if matches!(spec.goal, Goal::Open(_)) {
+        return leaf.swings_free(bounds.angle + BEYOND, &beside);
+    }
+    let around = around(scene, joint, &leaf, false);
     let mut random = stream(&spec.area.name, seed, "angle of a door");
     let less = Range {
         min: LEAST_OPEN.min(slide.position.max),
@@ -171,6 +136,9 @@ pub(super) fn choose_angle(
     };
     let others = (0..ANGLES).map(|_| number(&mut random, less));
     let found = once(sample.positions[index]).chain(others).find(|angle| {
+        if !leaf.swings_free(*angle, &beside) {
+            return false;
+        }
         let pushed = floor.can_push_shut(spec, (&leaf, &around), *angle, sample);
         pushed.unwrap_or_else(|why| {
             tracing::debug!("{target} open by {:.0}°: {why}", angle.to_degrees());
@@ -187,10 +155,12 @@ pub(super) fn choose_angle(
 mod tests {
     use std::path::PathBuf;
 
-    use nalgebra::Translation3;
+    use nalgebra::{Translation3, Vector3};
 
     use super::super::floor::outlines;
+    use super::super::pushing_arm::PushingArm;
     use super::*;
+    use crate::robot::RobotModel;
 
     const OPEN: f64 = 0.95;
 

@@ -1,5 +1,4 @@
-//! The map of a home as its robot sees it: what stands on the floor, where the chair gets to,
-//! rooms and doors.
+//! The map of a home for its robot: occupied floor, where the chair gets to, rooms and doors.
 
 use nalgebra::Isometry3;
 use wheelarm_pack::indoors::is_passage;
@@ -13,7 +12,7 @@ use wheelarm_planning::occupancy::Cells;
 use super::floor::{Floor, among, collision_boxes, on_floor};
 use crate::scene::Scene;
 
-/// Lower things lie under the chair's plates, metres.
+/// Lower objects fit under the chair's plates, metres.
 const UNDER: f64 = 0.03;
 
 /// Distance from a wall at which the room of a door is looked for, metres.
@@ -22,7 +21,7 @@ const BESIDE: f64 = 0.3;
 /// A map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HomeMap {
-    /// Cells on which something stands, up to the height of the robot.
+    /// Occupied cells, up to the height of the robot.
     pub standing: Cells,
     /// Cells in which the chair can be, from where it is.
     pub free: Cells,
@@ -54,7 +53,7 @@ pub struct Door {
     pub along: [f64; 2],
     /// Width of the opening, metres.
     pub width: f64,
-    /// Width that nothing stands in, metres; 0 for a closed door.
+    /// Free width, metres; 0 for a closed door.
     pub clear_width: f64,
     /// Whether it has a leaf.
     pub has_leaf: bool,
@@ -73,7 +72,7 @@ pub struct MapSource {
 
 impl MapSource {
     /// The floor of a scene for the robot of `floor` at `chair`; with the objects at these
-    /// poses, which lie on it.
+    /// poses on it.
     #[must_use]
     pub fn new(
         floor: &Floor,

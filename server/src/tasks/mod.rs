@@ -42,6 +42,7 @@ mod name_check;
 mod place_query;
 mod placement_clearance;
 mod predicates;
+mod pushing_arm;
 mod query;
 mod random;
 #[cfg(test)]

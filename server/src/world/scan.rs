@@ -24,7 +24,7 @@ impl World {
         let origin = point(&world_from_scanner.translation.vector.into());
         let greatest = real(rays.greatest);
         for (_, collider) in self.physics.colliders.iter() {
-            if !is_seen(collider) {
+            if !reflects(collider) {
                 continue;
             }
             let pose = place(&self.physics, collider);
@@ -47,7 +47,7 @@ impl World {
 }
 
 /// Whether light meets a shape outside of the robot.
-fn is_seen(collider: &Collider) -> bool {
+fn reflects(collider: &Collider) -> bool {
     let body = body_of(collider.user_data);
     !collider.is_sensor() && matches!(body, BodyRef::Object(_) | BodyRef::Furniture(_))
 }

@@ -132,7 +132,7 @@ impl Recording {
         })
     }
 
-    /// Scans per second that the scenario asked for, Hz; 0 without a laser scanner.
+    /// Scans per second of the scenario, Hz; 0 without a laser scanner.
     #[must_use]
     pub fn scan_rate_hz(&self) -> f64 {
         let scenario = self.episode.scenario();

@@ -163,7 +163,7 @@ fn distances_equal_an_independent_ray_cast_also_to_moving_bodies() {
 }
 
 #[test]
-fn distances_in_the_home_equal_an_independent_ray_cast_and_the_robot_is_not_seen() {
+fn distances_in_the_home_equal_an_independent_ray_cast_without_the_robot() {
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
     let home = Scene::load(&assets, "home").expect("the home of this repository");
     let placements: Vec<Placement> = Vec::new();
