@@ -84,7 +84,7 @@ impl HomesFile {
 /// of a side of [`SHIPPED`].
 ///
 /// # Errors
-/// With the fix, when that side does not exist, or the scenario names packs or a split itself.
+/// With the fix, when the side does not exist, or the scenario names packs or a split itself.
 pub fn set_objects(side: &str, scenario: &mut v1::Scenario) -> Result<(), String> {
     if !scenario.packs.is_empty() || !scenario.object_split.is_empty() {
         return Err(
