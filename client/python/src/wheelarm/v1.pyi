@@ -1863,8 +1863,9 @@ class ScannerDescription(_Message):
     rays: int
     """Rays of a scan (count)."""
     least_range: float
-    """Least and greatest distance that it measures, metres."""
+    """Least distance that it measures, metres."""
     greatest_range: float
+    """Greatest distance that it measures, metres."""
     def __init__(
         self,
         *,
@@ -2899,7 +2900,7 @@ class SceneReply(_Message):
     ) -> None: ...
 
 class MapRequest(_Message):
-    """Requests the floor of the home as its robot sees it. Query `map`."""
+    """Requests the floor of the home for its robot. Query `map`."""
     without_objects: bool
     """Leaves out the movable objects (no unit)."""
     def __init__(
@@ -2926,7 +2927,7 @@ class MapReply(_Message):
     height: int
     """Cells along y (count)."""
     occupied: bytes
-    """100 where something stands, up to the height of the robot (no unit)."""
+    """100 on occupied floor, up to the height of the robot (no unit)."""
     free: bytes
     """0 where the origin of the chair's frame can be in some heading, with the person in it, the
     arm at home and the clearance of driving, connected with its present place (no unit).
@@ -2956,17 +2957,27 @@ class MapRoom(_Message):
     """Unique name (no unit)."""
     kind: str
     """Kind in one word, for example `kitchen`; may be empty (no unit)."""
-    x: _Scalars[float]
-    """Corners of its outline in `house`: x of each, metres."""
-    y: _Scalars[float]
-    """Corners of its outline in `house`: y of each, metres."""
+    corners: _Messages[MapPoint]
+    """Corners of its outline in `house`, metres."""
     def __init__(
         self,
         *,
         name: str | None = ...,
         kind: str | None = ...,
-        x: _Iterable[float] | None = ...,
-        y: _Iterable[float] | None = ...,
+        corners: _Iterable[MapPoint | _Mapping[str, _Any]] | None = ...,
+    ) -> None: ...
+
+class MapPoint(_Message):
+    """A point on the floor."""
+    x: float
+    """In `house`, metres."""
+    y: float
+    """In `house`, metres."""
+    def __init__(
+        self,
+        *,
+        x: float | None = ...,
+        y: float | None = ...,
     ) -> None: ...
 
 class MapDoor(_Message):
@@ -2980,7 +2991,7 @@ class MapDoor(_Message):
     width: float
     """Width of the opening, metres."""
     clear_width: float
-    """Width in which nothing stands, metres; 0 for a closed door."""
+    """Free width, metres; 0 for a closed door."""
     has_leaf: bool
     """It has a leaf (no unit)."""
     rooms: _Scalars[str]
