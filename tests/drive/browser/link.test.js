@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 
-import { launch, open, until } from "../browser.js";
+import { launch, open, painted as frames, until } from "../browser.js";
 
 let browser;
 before(async () => { browser = await launch(); });
@@ -77,6 +77,8 @@ on("age: the speed cap is shown, old images leave steps, older ones STOP", {}, a
   await page.locator("#chips").getByText("480 ms, at most 0.21 m/s").waitFor();
   Object.assign(gateway.faults, { allow: "steps", age_ms: 1400 });
   await page.locator("#chips").getByText("1.4 s, only steps").waitFor();
+  // Rights apply in the next animation frame.
+  await frames(page);
   await page.keyboard.press("KeyW");
   await more(page);
   await item(page, "mode:step").click();
