@@ -210,7 +210,7 @@ impl Table {
             .collect();
         let levels: Vec<&str> = levels.iter().map(String::as_str).collect();
         self.listen(&levels);
-        self.ask(&["status", "scene", "tasks", "packs"]);
+        self.ask(&["status", "scene", "map", "tasks", "packs"]);
     }
 
     fn operator(&mut self, me: &str) {

@@ -2,7 +2,7 @@
 //! precision and from the shapes' equations.
 
 use super::*;
-use crate::geometry::Rays;
+use crate::geometry::{Rays, bounds};
 
 /// Largest difference, metres.
 const TOLERANCE: f64 = 1e-3;
@@ -54,6 +54,19 @@ fn to_wall(radius: f64, origin: &Point3<f64>, along: &Vector3<f64>) -> Option<f6
     )
 }
 
+/// Whether a shape has this height, metres: others are above or below level rays.
+fn is_beside(place: &Isometry3<f64>, shape: &Shape, height: f64) -> bool {
+    let Some((centre, half)) = bounds(shape) else {
+        return true;
+    };
+    let middle = (place * Point3::from(centre)).z;
+    let turned = place.rotation.to_rotation_matrix();
+    let up: f64 = (0..3)
+        .map(|axis| turned[(2, axis)].abs() * half[axis])
+        .sum();
+    (middle - up..=middle + up).contains(&height)
+}
+
 /// Distance along a ray to the bodies at their poses.
 fn independent<'a>(
     bodies: impl Iterator<Item = (&'a Body, Isometry3<f64>)>,
@@ -70,6 +83,7 @@ fn independent<'a>(
             );
             let met = match part.shape {
                 Shape::Cuboid { half } => to_box(half, &from, &to),
+                _ if !is_beside(&place, &part.shape, origin.z) => None,
                 Shape::Sphere { radius } => to_sphere(radius, &from, &to),
                 Shape::Cylinder { radius, .. } => to_wall(radius, &from, &to),
                 ref other => panic!("{}: no equation of {other:?}", body.name),
