@@ -28,7 +28,7 @@ fn every_user_watches_and_sends_only_the_queries_of_the_role() {
         assert!(clock.next(PATIENCE).expect("a sample").is_some(), "{user}");
         for query in Query::ALL {
             let who = match query {
-                Query::Status | Query::Scene | Query::Tasks | Query::Packs => all,
+                Query::Status | Query::Scene | Query::Map | Query::Tasks | Query::Packs => all,
                 Query::Snapshot | Query::Episode => "rex ada",
                 Query::Sensors | Query::Playback | Query::PackPut | Query::Shutdown => "ada",
                 _ => "anna bert ada",
