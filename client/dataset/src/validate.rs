@@ -189,7 +189,12 @@ fn stream(
         }
         let mut wrong = |words: String| found.problems.push(format!("{name}: {words}"));
         let rule = Rule::for_column(&meta);
-        let bad = all.iter().filter(|v| !v.is_finite()).count();
+        // Distances of a scan are infinite where nothing is within the range.
+        let is_scan = [TopicId::Scan, TopicId::SensedScan]
+            .iter()
+            .any(|t| t.name() == name);
+        let is_bad = |v: &&f64| if is_scan { v.is_nan() } else { !v.is_finite() };
+        let bad = all.iter().filter(is_bad).count();
         let optional = may_be_absent(name, &meta.name, rule);
         if bad > 0 && !optional {
             wrong(format!("{}: {bad} numbers are not finite", meta.name));

@@ -139,6 +139,13 @@ impl Recording {
         scenario.map_or(0.0, |scenario| scenario.scan_rate_hz())
     }
 
+    /// The laser scanner, where it was on.
+    #[must_use]
+    pub fn scanner(&self) -> Option<&v1::ScannerDescription> {
+        let scanner = self.robot.scanner.as_ref();
+        scanner.filter(|_| self.scan_rate_hz() > 0.0)
+    }
+
     /// Names of the cameras.
     #[must_use]
     pub fn camera_names(&self) -> Vec<String> {

@@ -56,7 +56,7 @@ fn once<'a>(
     let stamp = recording.summary.span_nanos.0;
     let mut out = Vec::new();
     let still = described.still(recording)?;
-    let scanner = recording.robot.scanner.as_ref();
+    let scanner = recording.scanner();
     if !still.is_empty() || scanner.is_some() {
         out.push(Channel::foxglove(
             "/tf_static",

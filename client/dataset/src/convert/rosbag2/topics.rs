@@ -86,7 +86,7 @@ fn once(
     if let Some(pose) = odometry_in_world(recording)? {
         still.push(transform(stamp, WORLD, ODOMETRY, pose));
     }
-    if let Some(scanner) = &recording.robot.scanner {
+    if let Some(scanner) = recording.scanner() {
         let pose = pose::of_message(scanner.pose.as_ref());
         still.push(transform(stamp, &scanner.link, &scanner.frame, pose));
     }
