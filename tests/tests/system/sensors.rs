@@ -120,7 +120,8 @@ fn sensor_samples_are_recorded_and_replayed_bit_by_bit_without_changing_the_simu
     assert_ne!(noisy, truth);
     let [exact_scan, noisy_scan] =
         ["scan", "sensed_scan"].map(|stream| episode.f64s(stream, "ranges").expect("m"));
-    assert_eq!(exact_scan.shape(), [20, 720]);
+    assert_eq!(exact_scan.shape()[1], 720);
+    assert!(exact_scan.shape()[0] >= 20, "{:?}", exact_scan.shape());
     assert_eq!(noisy_scan.shape(), exact_scan.shape());
     let errors = noisy_scan.iter().zip(&exact_scan);
     let errors = errors.filter(|(noisy, exact)| noisy.is_finite() && exact.is_finite());
