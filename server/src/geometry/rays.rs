@@ -32,12 +32,10 @@ impl Rays {
             let place = |angle: f64| (angle + turn - rays.first) / rays.step;
             let least = place(from).ceil().max(0.0);
             let end = (place(to).floor() + 1.0).min(count);
-            let span = if least < end {
-                least as usize..end as usize
-            } else {
-                0..0
-            };
-            span
+            match least < end {
+                true => least as usize..end as usize,
+                false => 0..0,
+            }
         })
     }
 }
