@@ -85,8 +85,8 @@ pub(super) static IMU: Table<v1::Imu> = Table {
     ],
 };
 
-/// Name of the scanner's frame in the table; the description has its pose.
-const SCANNER_FRAME: &str = "the scanner's frame";
+/// Frame of a scan; the description has its name and pose.
+const SCANNER_FRAME: &str = "scanner";
 
 pub(super) static SCAN: Table<v1::Scan> = Table {
     columns: &[f64s(
