@@ -165,7 +165,10 @@ def tables(everything) -> str:
         *(f"    {name!r}: {seconds!r}," for name, seconds in tasks.items()),
         "}",
     ]
-    return "\n".join(lines).replace("'", '"') + "\n"
+    text = "\n".join(lines).replace("'", '"') + "\n"
+    # A name with an apostrophe would not be Python.
+    compile(text, "_contract.py", "exec")
+    return text
 
 
 def constants() -> dict[str, str]:
