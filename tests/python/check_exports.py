@@ -272,6 +272,11 @@ def lerobot(path, recordings):
             equal(state[:6], streams["joint_state/position"][i, 4:10], "state", 1e-5)
             assert state.shape == (27,)
             equal(state[14:17], streams["pose/pose"][i, 6, :3], "end effector", 1e-5)
+            if "observation.scan" in features:
+                scans = streams["sensed_scan"] if len(streams["sensed_scan/stamp_nanos"]) else streams["scan"]
+                nearest = np.abs(scans["stamp_nanos"][...].astype("i8") - stamp).argmin()
+                wanted = np.clip(scans["ranges"][nearest], 0, 12)
+                equal(np.array(column["observation.scan"][row]), wanted, "scan", 1e-5)
             equal(np.array(column["privileged.chair_pose"][row]), streams["pose/pose"][i, 0], "chair", 1e-5)
             if row + 1 < rows[-1]:
                 after = round(column["simulation_time"][row + 1] * 1e9)
@@ -418,6 +423,13 @@ def mcap(path, recordings):
             ("/camera/gen3/ids", "camera/gen3"), ("/camera/wheelchair/ids", "camera/wheelchair"),
         ):
             assert counts[topic] == len(streams[stream]["stamp_nanos"]), topic
+        for topic, stream in (("/scan", "scan"), ("/sensed/scan", "sensed_scan")):
+            if stream in streams and len(streams[stream]["stamp_nanos"]):
+                assert counts[topic] == len(streams[stream]["stamp_nanos"]), topic
+                stamp, scan = first[topic]
+                ranges = streams[f"{stream}/ranges"][at_stamp(streams[stream], stamp)]
+                assert np.array_equal(np.array(scan.ranges), ranges), topic
+                assert abs(scan.end_angle - scan.start_angle - 2 * np.pi * (1 - 1 / len(ranges))) < 1e-9
         stamp, joints = first["/joint_states"]
         i = at_stamp(streams["joint_state"], stamp)
         equal([j.position for j in joints.joints], streams["joint_state/position"][i], "joints")

@@ -99,6 +99,8 @@ class Topics:
         self.joints("/furniture/joint_states", "furniture_joint", self.names("furniture_joint", "position"))
         self.imu("/imu/data", "imu")
         self.imu("/sensed/imu/data", "sensed_imu")
+        self.scan("/scan", "scan")
+        self.scan("/sensed/scan", "sensed_scan")
         self.odometry("/odom", "odometry")
         self.odometry("/sensed/odom", "sensed_odometry")
         self.poses()
@@ -176,6 +178,21 @@ class Topics:
             equal(xyz(m.linear_acceleration), speed[i], topic)
             for unknown in (m.angular_velocity_covariance, m.linear_acceleration_covariance):
                 equal(unknown, np.zeros(9), topic)
+
+        self.put(topic, stream, check)
+
+    def scan(self, topic, stream):
+        if stream not in self.streams:
+            return
+        (ranges,) = self.columns(stream, "ranges")
+
+        def check(m, i, t):
+            header(m, "scanner_link", t, topic)
+            equal(m.ranges, ranges[i].astype("f4"), topic)
+            turn = m.angle_max - m.angle_min + m.angle_increment
+            near(np.array([turn, m.scan_time]), np.array([2 * np.pi, 0.1]), topic, 1e-5)
+            assert m.range_min < m.range_max and len(m.intensities) == 0
+            near(np.array([len(m.ranges) * m.angle_increment]), np.array([turn]), topic, 1e-4)
 
         self.put(topic, stream, check)
 
@@ -398,6 +415,9 @@ class Topics:
         chair = matrices(odometry[None]) @ matrices(self.streams["odometry/pose"][:1])
         near(chair, matrices(poses[:1, 0]), "house from odom", 1e-12)
 
+        if "scan" in self.streams and len(self.streams["scan/stamp_nanos"]):
+            (_,), (mount,) = self.take_frame("scanner_link", self.chair)
+            equal(mount[3:], [0, 0, 0, 1], "the scanner's axes")
         links = {}
         for urdf, stream in ((self.urdf, "joint_state"), (self.furniture, "furniture_joint")):
             self.check_links(urdf, stream, links)

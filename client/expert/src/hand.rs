@@ -2,8 +2,8 @@
 //! are read from the gripper's description.
 
 use nalgebra::Vector3;
-pub use wheelarm_planning::leaf_push::Ball;
-use wheelarm_planning::leaf_push::ClosedHand;
+pub use wheelarm_planning::closed_hand::Ball;
+use wheelarm_planning::closed_hand::ClosedHand;
 use wheelarm_proto::check::{self, Invalid};
 use wheelarm_proto::v1;
 

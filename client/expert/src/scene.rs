@@ -11,7 +11,7 @@ use super::hand::Hand;
 use super::observation::Observation;
 use wheelarm_planning::footprint_check::{Limb, Outline, occupied, wrap};
 use wheelarm_planning::handle::LAGS;
-use wheelarm_planning::leaf_push::HingedLeaf;
+use wheelarm_planning::hinged_leaf::HingedLeaf;
 use wheelarm_planning::obb::Obb;
 
 /// A movable object: a rigid or deformable object, or furniture that slides.

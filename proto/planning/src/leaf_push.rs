@@ -8,11 +8,13 @@
 use std::f64::consts::FRAC_PI_6;
 
 use nalgebra::{
-    Isometry3, Matrix3, Point3, Quaternion, Rotation3, Translation3, Unit, UnitQuaternion, Vector3,
+    Isometry3, Matrix3, Point3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3,
 };
 use wheelarm_proto::exact;
 
+use super::closed_hand::ClosedHand;
 use super::footprint_check::{Pose2, wrap};
+use super::hinged_leaf::HingedLeaf;
 use super::obb::Obb;
 
 /// An axis with a smaller upright part is that of a flap, which is not pushed.
@@ -48,8 +50,6 @@ const APPROACH: f64 = 0.12;
 pub const ARM_STEPS: [f64; 2] = [0.10, 1.0];
 /// Angle between two poses on the arc, radians.
 const ARC_STEP: f64 = 0.14;
-/// Angle between two poses at which the door is checked, radians.
-const SWING_STEP: f64 = 0.03;
 /// Spacing at which the approach is checked, metres.
 const SPACING: f64 = 0.03;
 /// Steps of the heading of the chair against the hand, and of the direction to the hand
@@ -69,88 +69,6 @@ const ARM: f64 = 0.05;
 /// The shoulder over the arm's base, and the wrist behind the hand, metres.
 const SHOULDER: f64 = 0.28;
 const WRIST: f64 = 0.17;
-
-/// A ball of the hand, in the end effector's frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ball {
-    /// Middle, metres.
-    pub centre: Vector3<f64>,
-    /// Radius, metres.
-    pub radius: f64,
-}
-
-/// The hand with closed fingers.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ClosedHand {
-    /// The foremost point of the fingers from the end effector along z, metres.
-    pub tip: f64,
-    /// Balls around it.
-    pub balls: Vec<Ball>,
-    /// Nothing of it is further from the end effector, metres.
-    reach: f64,
-}
-
-impl ClosedHand {
-    /// A hand of these balls.
-    #[must_use]
-    pub fn new(balls: Vec<Ball>) -> Self {
-        let tips = balls.iter().map(|ball| ball.centre.z + ball.radius);
-        let reaches = balls.iter().map(|ball| ball.centre.norm() + ball.radius);
-        Self {
-            tip: tips.fold(0.0, f64::max),
-            reach: reaches.fold(0.0, f64::max),
-            balls,
-        }
-    }
-
-    /// A palm of these balls, with closed fingers of `radius` up to `tip` metres.
-    #[must_use]
-    pub fn with_fingers(mut palm: Vec<Ball>, radius: f64, tip: f64) -> Self {
-        let tips = palm.iter().map(|ball| ball.centre.z);
-        let begin = tips.fold(0.0, f64::max);
-        let steps = ((tip - radius - begin) / radius).ceil().max(1.0) as u32;
-        for step in 1..=steps {
-            let share = f64::from(step) / f64::from(steps);
-            palm.push(Ball {
-                centre: Vector3::z() * (begin + (tip - radius - begin) * share),
-                radius,
-            });
-        }
-        Self::new(palm)
-    }
-
-    /// Least distance of the hand at `tool` from a box, metres; negative inside.
-    fn distance(&self, tool: &Isometry3<f64>, obb: &Obb) -> f64 {
-        let balls = self.balls.iter().map(|ball| {
-            let middle = tool * Point3::from(ball.centre);
-            obb.distance(&middle) - ball.radius
-        });
-        balls.fold(f64::INFINITY, f64::min)
-    }
-
-    fn is_free<'a>(
-        &self,
-        tool: &Isometry3<f64>,
-        margin: f64,
-        mut boxes: impl Iterator<Item = &'a Obb>,
-    ) -> bool {
-        let middle = Point3::from(tool.translation.vector);
-        boxes.all(|obb| {
-            obb.distance(&middle) > self.reach + margin || self.distance(tool, obb) > margin
-        })
-    }
-}
-
-/// A door of furniture on a hinge, in `house`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct HingedLeaf {
-    /// Its pose at position 0; the hinge's axis goes through its origin.
-    pub rest: Isometry3<f64>,
-    /// The axis about which it opens.
-    pub axis: Unit<Vector3<f64>>,
-    /// Boxes around it in its own frame.
-    pub boxes: Vec<Obb>,
-}
 
 /// The outer face of a closed door.
 struct Face {
@@ -231,41 +149,6 @@ fn turned(v: &Vector3<f64>, axis: &Vector3<f64>, angle: f64) -> Vector3<f64> {
 }
 
 impl HingedLeaf {
-    /// Its pose at an angle.
-    #[must_use]
-    pub fn pose(&self, angle: f64) -> Isometry3<f64> {
-        let (sin, cos) = exact::sin_cos(angle / 2.0);
-        let turn = Quaternion::from_parts(cos, self.axis.into_inner() * sin);
-        let turn = UnitQuaternion::new_normalize(turn);
-        Isometry3::from_parts(self.rest.translation, turn * self.rest.rotation)
-    }
-
-    /// Its boxes at an angle.
-    #[must_use]
-    pub fn boxes_at(&self, angle: f64) -> Vec<Obb> {
-        let pose = self.pose(angle);
-        self.boxes.iter().map(|obb| obb.at(&pose)).collect()
-    }
-
-    /// Whether the door turns up to an angle without meeting boxes of `around` that it does not
-    /// meet when it is closed. `around` has neither the door nor what carries it.
-    #[must_use]
-    pub fn swings_free(&self, angle: f64, around: &[Obb]) -> bool {
-        let meets = |own: &[Obb], other: &Obb| {
-            own.iter().any(|obb| {
-                let ([low, high], [from, to]) = (obb.heights(), other.heights());
-                high > from && low < to && obb.rectangle().overlaps(&other.rectangle())
-            })
-        };
-        let closed = self.boxes_at(0.0);
-        let others: Vec<&Obb> = around.iter().filter(|obb| !meets(&closed, obb)).collect();
-        let steps = (angle.abs() / SWING_STEP).ceil() as u32;
-        (1..=steps).all(|step| {
-            let own = self.boxes_at(angle * f64::from(step) / f64::from(steps));
-            !others.iter().any(|other| meets(&own, other))
-        })
-    }
-
     /// The face of the largest box.
     fn face(&self) -> Option<Face> {
         let axis = self.axis.into_inner();
@@ -650,6 +533,7 @@ pub fn sampled_lines(
 
 #[cfg(test)]
 mod tests {
+    use super::super::closed_hand::Ball;
     use super::*;
 
     const OPEN: f64 = 0.95;

@@ -7,12 +7,14 @@
 //! same result.
 
 pub mod arm_access;
+pub mod closed_hand;
 pub mod distance_field;
 pub mod floor_map;
 pub mod floor_space;
 pub mod footprint_check;
 pub mod grid;
 pub mod handle;
+pub mod hinged_leaf;
 pub mod hybrid_a_star;
 mod lattice;
 pub mod leaf_push;

@@ -150,6 +150,9 @@ impl Simulation {
         scenario.name_cameras(usual.map(|c| c.name.as_str()));
         calibration::sample(&mut scenario, &model)?;
         let schedules = scenario.schedules()?;
+        if scenario.scan_rate_hz > 0.0 && model.settings.scanner.is_none() {
+            return Err(ScenarioError::NoScanner(scenario.robot).into());
+        }
         // Image sensors need cameras; without cameras there are none.
         let own = model.settings.cameras.iter().map(|c| c.name.as_str());
         let cameras: Vec<_> = match scenario.cameras.is_empty() {
@@ -501,19 +504,14 @@ impl Simulation {
         Some(scanner.reported(self.world.scan(&at, &scanner.rays)))
     }
 
-    /// What a map of the home from the present state is made of.
+    /// Input of a map of the home in the present state.
     #[must_use]
     pub fn map_source(&self, with_objects: bool) -> MapSource {
-        let floor = match &self.person {
-            None => Floor::new(&self.model, &self.scene),
-            Some(person) => Floor::occupied(&self.model, &self.scene, person, |arm| {
-                self.arm_balls.is_clear(person, &self.model, arm)
-            }),
-        };
         let objects = self.snapshot.objects.iter().map(|object| object.pose);
         let objects: Vec<_> = objects.filter(|_| with_objects).collect();
         let chair = self.snapshot.links.first().map(|link| link.pose);
-        MapSource::new(&floor, &self.scene, &chair.unwrap_or_default(), &objects)
+        let robot = (&self.model, self.person.as_deref());
+        MapSource::new(robot, &self.scene, &chair.unwrap_or_default(), &objects)
     }
 
     /// Hash over the whole state; `Some` once per simulated second.

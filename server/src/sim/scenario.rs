@@ -242,6 +242,12 @@ pub enum ScenarioError {
     /// The same camera twice.
     #[error("camera {0:?} is named twice; name each camera once")]
     Twice(String),
+    /// A rate for a laser scanner that the robot does not have.
+    #[error(
+        "the robot {0:?} has no laser scanner; set `scan_rate_hz` to 0, or add a table [scanner] \
+         to its robot.toml"
+    )]
+    NoScanner(String),
     /// An invalid mass of a deformable.
     #[error(
         "mass of {name:?}, which is soft, is {} kg, expected {} to {}: lighter or heavier ones do \

@@ -540,7 +540,7 @@ fn the_map_has_the_floor_of_every_start_and_what_stands_on_it() {
         });
         let at = sim.snapshot().links[0].pose.translation.vector;
         assert!(map.free.contains([at.x, at.y]), "seed {seed}: {at:?}");
-        assert!(!map.standing.contains([at.x, at.y]), "seed {seed}: {at:?}");
+        assert!(!map.occupied.contains([at.x, at.y]), "seed {seed}: {at:?}");
     }
     for body in &empty.scene().furniture[1..] {
         let boxes = crate::tasks::collision_boxes(body);
@@ -549,7 +549,7 @@ fn the_map_has_the_floor_of_every_start_and_what_stands_on_it() {
             low < 0.3 && high > 0.1
         }) {
             let at = solid.rectangle().centre;
-            assert!(map.standing.contains(at), "{} at {at:?}", body.name);
+            assert!(map.occupied.contains(at), "{} at {at:?}", body.name);
             assert!(!map.free.contains(at), "{} at {at:?}", body.name);
         }
     }

@@ -151,12 +151,7 @@ impl Floor {
         person: &Person,
         is_clear: impl Fn(&[f64; 6]) -> bool,
     ) -> Self {
-        let head = HeadPose::default();
-        let limb = |capsule: &Capsule| Limb {
-            ends: person.ends(capsule, &head).map(|end| end.coords.into()),
-            radius: capsule.radius,
-        };
-        let limbs: Vec<Limb> = person.capsules.iter().map(limb).collect();
+        let limbs = limbs(person);
         let empty = Self::new(model, scene);
         let way_home = |posture: &[f64; 6]| {
             (0..=WAY_HOME).all(|step| {
@@ -514,6 +509,22 @@ impl Floor {
             self.check.is_free(&stop, ROOM / 2.0).then_some(stop)
         })
     }
+}
+
+/// The limbs of a person in the chair.
+fn limbs(person: &Person) -> Vec<Limb> {
+    let head = HeadPose::default();
+    let limb = |capsule: &Capsule| Limb {
+        ends: person.ends(capsule, &head).map(|end| end.coords.into()),
+        radius: capsule.radius,
+    };
+    person.capsules.iter().map(limb).collect()
+}
+
+/// Outlines of the chair with its arm at home and the person in it, by height, bottom up.
+pub(super) fn chair_outlines(model: &RobotModel, person: Option<&Person>) -> Outlines {
+    let limbs = person.map_or_else(Vec::new, limbs);
+    occupied(&outlines(&model.settings.outlines), &limbs)
 }
 
 /// Outlines by height, bottom up.

@@ -7,7 +7,8 @@ use std::iter::once;
 use nalgebra::{Isometry3, Point3};
 use wheelarm_planning::floor_map::STOP_CLEARANCE;
 use wheelarm_planning::footprint_check::{FootprintCheck, Pose2};
-use wheelarm_planning::leaf_push::{HingedLeaf, NoPush, PushingChair};
+use wheelarm_planning::hinged_leaf::HingedLeaf;
+use wheelarm_planning::leaf_push::{NoPush, PushingChair};
 use wheelarm_planning::obb::Obb;
 use wheelarm_proto::furniture::JointMotion;
 

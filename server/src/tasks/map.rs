@@ -1,15 +1,19 @@
 //! The map of a home for its robot: occupied floor, where the chair gets to, rooms and doors.
 
+use std::sync::Arc;
+
 use nalgebra::Isometry3;
 use wheelarm_pack::indoors::is_passage;
-use wheelarm_pack::{HomeFile, Indoors, OpeningEntry, OpeningKind, RoomEntry, contains};
+use wheelarm_pack::{HomeFile, Indoors, OpeningEntry, OpeningKind, Pack, RoomEntry, contains};
 use wheelarm_planning::floor_map::{DRIVE_CLEARANCE, FloorMap};
 use wheelarm_planning::floor_space::Passage;
 use wheelarm_planning::footprint_check::{FootprintCheck, Pose2, Rectangle};
 use wheelarm_planning::obb::Obb;
 use wheelarm_planning::occupancy::Cells;
 
-use super::floor::{Floor, among, collision_boxes, on_floor};
+use super::floor::{among, chair_outlines, collision_boxes, on_floor};
+use crate::people::Person;
+use crate::robot::RobotModel;
 use crate::scene::Scene;
 
 /// Lower objects fit under the chair's plates, metres.
@@ -22,7 +26,7 @@ const BESIDE: f64 = 0.3;
 #[derive(Clone, Debug, PartialEq)]
 pub struct HomeMap {
     /// Occupied cells, up to the height of the robot.
-    pub standing: Cells,
+    pub occupied: Cells,
     /// Cells in which the chair can be, from where it is.
     pub free: Cells,
     /// Whether each cell is inside, in the order of the cells.
@@ -61,27 +65,27 @@ pub struct Door {
     pub rooms: [String; 2],
 }
 
-/// What a map is made of, to be made elsewhere.
+/// Input of a map, to be made on another thread.
 #[derive(Clone, Debug)]
 pub struct MapSource {
     check: FootprintCheck,
-    standing: Vec<Rectangle>,
-    home: Option<HomeFile>,
+    /// Outlines of what is on the floor.
+    solids: Vec<Rectangle>,
+    pack: Option<Arc<Pack>>,
     at: Pose2,
 }
 
 impl MapSource {
-    /// The floor of a scene for the robot of `floor` at `chair`; with the objects at these
-    /// poses on it.
+    /// The floor of a scene for a robot at `chair` with a person in it; with the objects at
+    /// these poses on it.
     #[must_use]
     pub fn new(
-        floor: &Floor,
+        (model, person): (&RobotModel, Option<&Person>),
         scene: &Scene,
         chair: &Isometry3<f64>,
         objects: &[Isometry3<f64>],
     ) -> Self {
-        let levels = floor.check.levels.iter();
-        let outlines: Vec<_> = levels.map(|level| (level.top, level.outline)).collect();
+        let outlines = chair_outlines(model, person);
         // As in sampling: homes of packs start with closed doors and drawers.
         let ajar = scene.pack.is_none();
         let mut check = among(FootprintCheck::from_outlines(outlines), scene, ajar);
@@ -103,15 +107,15 @@ impl MapSource {
         }
         let top = check.levels.iter().map(|level| level.top);
         let top = top.fold(0.0, f64::max);
-        let stands = |obb: &&Obb| {
+        let counts = |obb: &&Obb| {
             let [low, high] = obb.heights();
             low < top && high > UNDER
         };
-        let standing = furniture.iter().chain(&objects).filter(stands);
+        let solids = furniture.iter().chain(&objects).filter(counts);
         Self {
-            standing: standing.map(Obb::rectangle).collect(),
+            solids: solids.map(Obb::rectangle).collect(),
             check,
-            home: scene.pack.as_ref().and_then(|pack| pack.home()).cloned(),
+            pack: scene.pack.clone(),
             at: on_floor(chair),
         }
     }
@@ -119,12 +123,12 @@ impl MapSource {
     /// Makes the map.
     #[must_use]
     pub fn map(&self) -> HomeMap {
-        let indoors = self.home.as_ref().and_then(Indoors::of);
+        let indoors = self.home().and_then(Indoors::of);
         let mut map = FloorMap::new(&self.check, DRIVE_CLEARANCE, &[self.at]);
         if let Some(indoors) = &indoors {
             map.confine(&|at| indoors.contains(at));
         }
-        let standing = Cells::covered(map.grid(), self.standing.iter().copied());
+        let occupied = Cells::covered(map.grid(), self.solids.iter().copied());
         let [along, across] = map.grid().count();
         let [x0, y0] = map.grid().corner().map(f64::from);
         let side = map.grid().side();
@@ -135,14 +139,18 @@ impl MapSource {
         HomeMap {
             free: Cells::connected(&map, &self.at),
             inside: middles.map(is_inside).collect(),
-            standing,
+            occupied,
             rooms: self.rooms(),
             doors: self.doors(),
         }
     }
 
+    fn home(&self) -> Option<&HomeFile> {
+        self.pack.as_ref()?.home()
+    }
+
     fn rooms(&self) -> Vec<Room> {
-        let rooms = self.home.iter().flat_map(|home| &home.room);
+        let rooms = self.home().into_iter().flat_map(|home| &home.room);
         let rooms = rooms.filter(|room| !room.is_outdoors());
         let room = |room: &RoomEntry| Room {
             name: room.name.clone(),
@@ -153,7 +161,7 @@ impl MapSource {
     }
 
     fn doors(&self) -> Vec<Door> {
-        let Some(home) = &self.home else {
+        let Some(home) = self.home() else {
             return Vec::new();
         };
         let passages = home
@@ -181,7 +189,7 @@ impl MapSource {
                 centre: doorway.centre,
                 along: doorway.along,
                 width: doorway.width,
-                clear_width: passage.gap(&self.standing).width,
+                clear_width: passage.gap(&self.solids).width,
                 has_leaf: opening.kind == OpeningKind::Door,
             })
         };

@@ -1,8 +1,9 @@
 //! The arm of a robot that pushes a door of furniture.
 
 use nalgebra::{Isometry3, Vector3};
+use wheelarm_planning::closed_hand::{Ball, ClosedHand};
 use wheelarm_planning::footprint_check::wrap;
-use wheelarm_planning::leaf_push::{ARM_STEPS, Ball, ClosedHand, sampled_lines};
+use wheelarm_planning::leaf_push::{ARM_STEPS, sampled_lines};
 
 use crate::robot::RobotModel;
 use crate::robot::kinematics::ArmKinematics;

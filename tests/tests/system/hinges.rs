@@ -50,8 +50,12 @@ fn demonstrated(assets: &Path, task: &str, out: &Path) -> (PathBuf, Vec<f64>) {
     let out_text = out.to_string_lossy().into_owned();
     let demo = ["demo", "--scene", "kitchenette", "--task", task];
     let small = ["--width", "64", "--height", "48", "--no-sheet"];
+    let scans = ["--scan-rate-hz", "10", "--sensor", "scanner"];
     let seed = ["--seed", "3", "--out", &out_text];
-    wheelarm(assets, &[&demo[..], &small[..], &seed[..]].concat());
+    wheelarm(
+        assets,
+        &[&demo[..], &small[..], &scans[..], &seed[..]].concat(),
+    );
     let mut entries = fs::read_dir(out).expect("the folder").flatten();
     let file = entries
         .find(|entry| entry.path().extension().is_some_and(|e| e == "h5"))
@@ -63,19 +67,19 @@ fn demonstrated(assets: &Path, task: &str, out: &Path) -> (PathBuf, Vec<f64>) {
     (file, positions.expect("positions").into_iter().collect())
 }
 
-/// An independent reader finds the door's joint and frames in the bag.
-fn read_by_rosbags(bags: &str, recording: &str) {
+/// Compares an export with its recording by independent libraries.
+fn read_by_others(modules: &str, script: &str, args: &[&str]) {
     let python = std::env::var("WHEELARM_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let modules = ["-c", "import h5py, numpy, rosbags.rosbag2"];
-    let imported = Command::new(&python).args(modules).output();
+    let import = format!("import h5py, numpy, {modules}");
+    let imported = Command::new(&python).args(["-c", &import]).output();
     if !imported.is_ok_and(|output| output.status.success()) {
         return skipped(&format!(
-            "{python} cannot import rosbags; `make test` installs it"
+            "{python} cannot import {modules}; `make test` installs them"
         ));
     }
     let reader = Command::new(python)
-        .arg(root().join("tests/python/check_rosbag2.py"))
-        .args(["rosbags", bags, recording])
+        .arg(root().join("tests/python").join(script))
+        .args(args)
         .output()
         .expect("a process");
     assert!(reader.status.success(), "{}", printed(&reader));
@@ -100,10 +104,24 @@ fn the_expert_opens_and_closes_a_door_that_turns() {
     let replay = printed(&wheelarm(&assets, &["replay", &path]));
     assert!(replay.contains("hashes equal"), "{replay}");
     wheelarm(&assets, &["dataset", "validate", &path]);
-    let bags = folder.path().join("bags").to_string_lossy().into_owned();
-    let export = ["dataset", "export", "--format", "rosbag2", &path];
-    wheelarm(&assets, &[&export[..], &["--out", &bags]].concat());
-    read_by_rosbags(&bags, &path);
+    // Exports have the joint and the frames of the door, and the laser scans.
+    let export = |format: &str, more: &[&str]| {
+        let out = folder.path().join(format).to_string_lossy().into_owned();
+        let export = [
+            "dataset", "export", "--format", format, &path, "--out", &out,
+        ];
+        wheelarm(&assets, &[&export[..], more].concat());
+        out
+    };
+    let bags = export("rosbag2", &[]);
+    let checked = ["rosbags", &bags, &path];
+    read_by_others("rosbags.rosbag2", "check_rosbag2.py", &checked);
+    let log = export("mcap", &[]);
+    let modules = "mcap, google.protobuf, foxglove_schemas_protobuf";
+    read_by_others(modules, "check_exports.py", &["mcap", &log, &path]);
+    let set = export("lerobot", &["--images", "png"]);
+    let checked = ["lerobot", &set, &path];
+    read_by_others("pyarrow", "check_exports.py", &checked);
 
     let (_, closed) = demonstrated(&assets, "close_cabinet", &folder.path().join("close"));
     let [before, after] = ends(&closed);

@@ -54,6 +54,18 @@ fn another_robot_completes_a_task_and_its_recording_is_processed() {
     let demo = [
         "demo", "--robot", "other", "--seed", "1", "--out", &out_text,
     ];
+    // It has no laser scanner.
+    let output = Command::new(program("wheelarm").expect("the client"))
+        .args(demo)
+        .args(["--scan-rate-hz", "10"])
+        .env("WHEELARM_ASSETS", &assets)
+        .output()
+        .expect("a process");
+    let text = printed(&output);
+    assert!(
+        !output.status.success() && text.contains("no laser scanner"),
+        "{text}"
+    );
     let output = wheelarm(&assets, &[&demo[..], &small[..]].concat());
     let text = printed(&output);
     assert!(text.contains("missed      0 (complete)"), "{text}");

@@ -69,6 +69,9 @@ pub struct DemoArgs {
     /// Images per simulated second of each camera; divides 240.
     #[arg(long, hide = true, default_value_t = defaults::CAMERA_RATE_HZ, conflicts_with = "camera")]
     pub rate: f64,
+    /// Rate of the laser scanner, Hz; divides 60; 0 is off [default: 0].
+    #[arg(long, value_name = "HZ")]
+    pub scan_rate_hz: Option<f64>,
     /// Active sensor model, MODEL or MODEL@CAMERA, a file in assets/sensors; with
     /// =STRENGTH from 0 to 3. May be repeated.
     #[arg(long, value_parser = v1::SensorSetting::from_text, value_name = "MODEL@CAMERA")]
@@ -108,6 +111,7 @@ impl DemoArgs {
             appearance: self
                 .appearance
                 .map(|appearance| appearance.for_episode(seed)),
+            scan_rate_hz: self.scan_rate_hz,
             sensors: self.sensor.clone(),
             packs: self.objects.refs(),
             ..v1::Scenario::default()

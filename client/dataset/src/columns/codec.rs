@@ -97,6 +97,16 @@ macro_rules! list {
     };
 }
 
+/// Both ways of a repeated field of single precision, which double precision has exactly.
+macro_rules! singles {
+    ($field:ident) => {
+        Codec {
+            take: |m, _, o| o.extend(m.$field.iter().map(|x| f64::from(*x))),
+            put: |m, _, v| m.$field = v.iter().map(|&x| x as f32).collect(),
+        }
+    };
+}
+
 /// Both ways of a field with one number.
 macro_rules! number {
     ($field:ident) => {
@@ -153,4 +163,4 @@ macro_rules! words {
     };
 }
 
-pub(super) use {flag, list, number, part, whole, words};
+pub(super) use {flag, list, number, part, singles, whole, words};

@@ -29,7 +29,7 @@ pub fn home_map(map: &HomeMap) -> v1::MapReply {
         y,
         width: width as u32,
         height: height as u32,
-        occupied: values(&|cell| !map.standing.marked()[cell]),
+        occupied: values(&|cell| !map.occupied.marked()[cell]),
         free: values(&|cell| map.free.marked()[cell]),
         rooms: map.rooms.iter().map(room).collect(),
         doors: map.doors.iter().map(door).collect(),

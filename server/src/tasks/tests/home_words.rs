@@ -24,15 +24,19 @@ pub(super) fn parsed_sentences(
     count: u64,
 ) -> Vec<String> {
     let grammar = grammar_of(&assets()).unwrap();
-    parsed_by(&grammar, (task, scene, sample), seed, count)
+    let (texts, unclear) = parsed_by(&grammar, (task, scene, sample), seed, count);
+    assert!(unclear.is_empty(), "{unclear:#?}");
+    texts
 }
+
+/// The sentences, and those of them that are parsed to another meaning than the task's.
 
 fn parsed_by(
     grammar: &Grammar,
     (task, scene, sample): (&TaskSpec, &Scene, &TaskSample),
     seed: u64,
     count: u64,
-) -> Vec<String> {
+) -> (Vec<String>, Vec<String>) {
     let mut scene = scene.clone();
     let placements = &sample.scene.placements;
     let mut present = placements.iter().map(Option::is_some);
@@ -63,19 +67,20 @@ fn parsed_by(
         let made = made.unwrap_or_else(|| panic!("{}: none for {}", scene.name, sample.target));
         made.text
     }));
-    for text in &texts {
+    let wanted = described.named(&sample.target);
+    let is_unclear = |text: &&String| match parser.parse(text) {
+        Answer::Clear(meaning) => {
+            (Some(meaning.target), meaning.verb, meaning.goal) != (wanted, verb, goal)
+        }
+        _ => true,
+    };
+    let unclear = texts.iter().filter(is_unclear);
+    let unclear = unclear.map(|text| {
         let answer = parser.parse(text);
-        let Answer::Clear(meaning) = answer else {
-            panic!("{}, {}: {text:?}: {answer:?}", scene.name, sample.target);
-        };
-        assert_eq!(
-            Some(meaning.target),
-            described.named(&sample.target),
-            "{text}"
-        );
-        assert_eq!((meaning.verb, meaning.goal), (verb, goal), "{text}");
-    }
-    texts
+        format!("{}: {text:?}: {answer:?}", sample.target)
+    });
+    let unclear = unclear.collect();
+    (texts, unclear)
 }
 
 /// The own home with this name, with the objects of the shipped packs.
@@ -100,6 +105,8 @@ struct Coverage {
     furniture: BTreeSet<String>,
     /// Sentences with a color, with a size, with a side.
     attributes: [usize; 3],
+    /// Sentences that are parsed to another meaning than the task's.
+    unclear: BTreeSet<String>,
 }
 
 impl Coverage {
@@ -126,7 +133,10 @@ impl Coverage {
                 let seed = number as u64;
                 let (task, variant) = task.settled(variant, &scene, seed, target).unwrap();
                 let sample = task_sampling::sample(&task, &variant, &scene, seed, None);
-                let texts = parsed_by(&grammar, (&task, &scene, &sample), seed, 2);
+                let (texts, unclear) = parsed_by(&grammar, (&task, &scene, &sample), seed, 2);
+                let unclear = unclear.into_iter();
+                self.unclear
+                    .extend(unclear.map(|one| format!("{}, {one}", scene.name)));
                 self.count(&scene, &variant, &sample, &texts);
             }
         }
@@ -170,6 +180,7 @@ fn sentences_about_own_homes_parse_to_what_they_ask_for() {
     for (name, step) in [("studio-nordic-0", 6), ("family-modern-16", 24)] {
         coverage.add(&own(name, &cache), step);
     }
+    assert!(coverage.unclear.is_empty(), "{:#?}", coverage.unclear);
     assert!(coverage.sentences > 60, "{coverage:?}");
     assert!(coverage.categories.len() >= 15, "{coverage:?}");
     assert!(coverage.rooms.len() >= 2, "{coverage:?}");
@@ -196,6 +207,7 @@ fn sentences_about_all_shipped_homes_parse_to_what_they_ask_for() {
         rooms,
         furniture,
         attributes: [colors, sizes, sides],
+        unclear,
     } = &coverage;
     println!(
         "{sentences} sentences about {homes} homes: {} categories, {} kinds of rooms, {} of furniture; {colors} with a color, {sizes} with a size, {sides} with a side",
@@ -203,6 +215,7 @@ fn sentences_about_all_shipped_homes_parse_to_what_they_ask_for() {
         rooms.len(),
         furniture.len()
     );
+    assert!(unclear.is_empty(), "{unclear:#?}");
     assert!(homes >= 81 && categories.len() >= 25, "{coverage:?}");
     assert!(rooms.len() >= 4 && furniture.len() >= 4, "{coverage:?}");
     assert!(

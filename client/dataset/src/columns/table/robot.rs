@@ -4,7 +4,7 @@
 use wheelarm_proto::v1;
 
 use super::units::{POSE, POSE_UNIT, TWIST, TWIST_UNIT, XYZ};
-use crate::columns::codec::{f64s, list, number, part};
+use crate::columns::codec::{f64s, list, number, part, singles};
 use crate::columns::values::{self as take, put_each, to_pose, to_twist, to_vector};
 use crate::columns::{Axis, Codec, Table};
 
@@ -94,10 +94,7 @@ pub(super) static SCAN: Table<v1::Scan> = Table {
         "m",
         SCANNER_FRAME,
         &[Axis::Rays],
-        Codec {
-            take: |m, _, o| o.extend(m.ranges.iter().map(|x| f64::from(*x))),
-            put: |m, _, v| m.ranges = v.iter().map(|&x| x as f32).collect(),
-        },
+        singles!(ranges),
     )],
 };
 
@@ -107,10 +104,7 @@ pub(super) static SENSED_SCAN: Table<v1::SensedScan> = Table {
         "m",
         SCANNER_FRAME,
         &[Axis::Rays],
-        Codec {
-            take: |m, _, o| o.extend(m.ranges.iter().map(|x| f64::from(*x))),
-            put: |m, _, v| m.ranges = v.iter().map(|&x| x as f32).collect(),
-        },
+        singles!(ranges),
     )],
 };
 

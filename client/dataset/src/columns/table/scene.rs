@@ -74,11 +74,7 @@ pub(super) static DEFORMABLE: Table<v1::Deformable> = Table {
             "m",
             "house",
             &[Axis::Vertices, XYZ],
-            Codec {
-                take: |m, _, o| o.extend(m.vertices.iter().map(|x| f64::from(*x))),
-                // Narrowing is exact: they were float32 when they were published.
-                put: |m, _, v| m.vertices = v.iter().map(|&x| x as f32).collect(),
-            },
+            singles!(vertices),
         ),
         f64s("elastic_energy", "J", "", &[], number!(elastic_energy)),
         f64s("kinetic_energy", "J", "", &[], number!(kinetic_energy)),
