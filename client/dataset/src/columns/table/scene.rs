@@ -4,7 +4,7 @@
 use wheelarm_proto::v1;
 
 use super::units::{POSE, POSE_UNIT, TWIST, TWIST_UNIT, WHEELS, XYZ};
-use crate::columns::codec::{derived, f64s, list, number, part, text, u64s, whole, words};
+use crate::columns::codec::{derived, f64s, list, number, part, singles, text, u64s, whole, words};
 use crate::columns::values::{self as take, put_each, to_pose, to_twist, to_vector};
 use crate::columns::{Axis, Codec, MAX_CONTACTS, Table, TextCodec};
 
