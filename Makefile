@@ -97,7 +97,7 @@ export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 # Settings of another server in this shell must not affect servers that are started here.
 unexport WHEELARM_CONNECT WHEELARM_KEYS WHEELARM_SIM WHEELARM_USER
 
-.PHONY: all build static demo test test-learn lints suites python-suite contract test-cluster test-readers test-data test-original test-adversarial test-hashes test-import test-expert test-variety docs soak train-mustard train-tasks train-multiplied demo-policy bench bench-campaign test-rosbag2 dist release test-release test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean test-homes assets test-objects
+.PHONY: all build static demo test test-learn lints unit-suites suites python-suite contract test-cluster test-readers test-data test-original test-adversarial test-hashes test-import test-expert test-variety docs soak train-mustard train-tasks train-multiplied demo-policy bench bench-campaign test-rosbag2 dist release test-release test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean test-homes assets test-objects
 all: build
 
 build:
@@ -138,7 +138,7 @@ test:
 	tests/drive.sh fast
 	$(CARGO) fmt --all --check
 	$(CARGO) build --release --workspace $(WITHOUT_LEARN) --bins --tests $(RUN_EXAMPLES)
-	+$(MAKE) --no-print-directory -j 3 lints suites python-suite
+	+$(MAKE) --no-print-directory -j 4 lints unit-suites suites python-suite
 
 # Prints only what fails: the output of the tests appears at the same time. Begins when
 # `cargo test` has released the lock of the target folder: else the tests would wait.
@@ -146,12 +146,19 @@ lints:
 	sleep $(LINTS_AFTER); log=$$($(LINT_UNITS) RUSTC_WRAPPER="$(CURDIR)/scripts/lint.sh" $(ALONE) nice -n 19 \
 		$(CARGO) build --release --workspace $(WITHOUT_LEARN) --all-targets 2>&1) || { printf '%s\n' "$$log"; exit 1; }
 
+# Unit tests compute, and the suites beside them mostly wait for servers.
+unit-suites: export WHEELARM_NO_SKIPS = 1
+unit-suites: export WHEELARM_CACHE = $(if $(filter /%,$(BUILT)),$(BUILT),$(CURDIR)/$(BUILT))/test-cache-units
+unit-suites:
+	rm -rf "$(WHEELARM_CACHE)"
+	RUST_TEST_THREADS=$(TEST_THREADS) $(ALONE) nice -n 5 $(CARGO) test --release --workspace $(WITHOUT_LEARN) --lib --bins
+
 suites: export WHEELARM_NO_SKIPS = 1
 # Entries of other builds must not affect tests.
 suites: export WHEELARM_CACHE = $(if $(filter /%,$(BUILT)),$(BUILT),$(CURDIR)/$(BUILT))/test-cache
 suites:
 	rm -rf "$(WHEELARM_CACHE)"
-	RUST_TEST_THREADS=$(TEST_THREADS) $(ALONE) $(CARGO) test --release --workspace $(WITHOUT_LEARN) --tests
+	RUST_TEST_THREADS=$(TEST_THREADS) $(ALONE) $(CARGO) test --release --workspace $(WITHOUT_LEARN) --test '*'
 
 python-suite: export WHEELARM_NO_SKIPS = 1
 python-suite: export WHEELARM_CACHE = $(if $(filter /%,$(BUILT)),$(BUILT),$(CURDIR)/$(BUILT))/test-cache-python

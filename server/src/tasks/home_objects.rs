@@ -22,7 +22,7 @@ const ALIKE: f64 = 0.3;
 /// Probability of a sampled object that no task requests. Below 1, so that it needs no room for
 /// the hand ([`PlaceSpec::is_certain`]).
 const SCENERY: f64 = 0.9;
-/// Sampled lists of objects until one has a named target.
+/// Most sampled lists of objects until one has a possible or a named target.
 const LISTS: usize = 20_000;
 
 /// What may be on the place of a site.
@@ -65,7 +65,7 @@ impl<'a> Contents<'a> {
 
     /// The same with a named target: of the sampled lists the first one with it.
     pub(super) fn sampled_with(&self, task: &str, seed: u64, target: usize) -> (usize, Vec<usize>) {
-        let mut lists = self.lists(task, seed).take(LISTS).map(|(_, list)| list);
+        let mut lists = self.lists(task, seed).map(|(_, list)| list);
         let found = lists.find(|list| list.contains(&target));
         (target, found.unwrap_or_else(|| vec![target]))
     }
@@ -78,8 +78,7 @@ impl<'a> Contents<'a> {
     /// Sampled lists of objects with a possible target, and one of these.
     fn lists(&self, task: &str, seed: u64) -> impl Iterator<Item = (usize, Vec<usize>)> {
         let mut random = stream(task, seed, &format!("objects {}", self.site.name));
-        let is_possible = !self.site.targets.is_empty();
-        let endless = std::iter::repeat_with(move || {
+        let lists = std::iter::repeat_with(move || {
             let list = self.list(&mut random);
             let targets: Vec<usize> = list
                 .iter()
@@ -89,7 +88,7 @@ impl<'a> Contents<'a> {
             let target = targets.get(index(&mut random, targets.len()));
             target.copied().map(|target| (target, list))
         });
-        endless.take_while(move |_| is_possible).flatten()
+        lists.take(LISTS).flatten()
     }
 
     /// Objects of distinct categories, as far as there are so many, and sometimes two of one.
