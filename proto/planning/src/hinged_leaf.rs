@@ -3,6 +3,7 @@
 use nalgebra::{Isometry3, Quaternion, Unit, UnitQuaternion, Vector3};
 use wheelarm_proto::exact;
 
+use super::footprint_check::Rectangle;
 use super::obb::Obb;
 
 /// Angle between two poses at which the door is checked, radians.
@@ -40,14 +41,25 @@ impl HingedLeaf {
     /// meet when it is closed. `around` has neither the door nor what carries it.
     #[must_use]
     pub fn swings_free(&self, angle: f64, around: &[Obb]) -> bool {
-        let meets = |own: &[Obb], other: &Obb| {
+        let around = around.iter().map(|obb| (obb.rectangle(), obb.heights()));
+        self.swings_free_of(angle, around)
+    }
+
+    /// [`Self::swings_free`] of outlines on the floor plan with their lower and upper ends.
+    #[must_use]
+    pub fn swings_free_of(
+        &self,
+        angle: f64,
+        around: impl Iterator<Item = (Rectangle, [f64; 2])>,
+    ) -> bool {
+        let meets = |own: &[Obb], (outline, [from, to]): &(Rectangle, [f64; 2])| {
             own.iter().any(|obb| {
-                let ([low, high], [from, to]) = (obb.heights(), other.heights());
-                high > from && low < to && obb.rectangle().overlaps(&other.rectangle())
+                let [low, high] = obb.heights();
+                high > *from && low < *to && obb.rectangle().overlaps(outline)
             })
         };
         let closed = self.boxes_at(0.0);
-        let others: Vec<&Obb> = around.iter().filter(|obb| !meets(&closed, obb)).collect();
+        let others: Vec<_> = around.filter(|other| !meets(&closed, other)).collect();
         let steps = (angle.abs() / SWING_STEP).ceil() as u32;
         (1..=steps).all(|step| {
             let own = self.boxes_at(angle * f64::from(step) / f64::from(steps));

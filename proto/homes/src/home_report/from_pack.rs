@@ -55,7 +55,8 @@ impl Home {
             let solids = placed.iter().map(|obb| Solid::from_box(owner, obb));
             home.solids.extend(solids);
             if let Owner::Piece(piece) = owner {
-                home.leaves.extend(leaf(piece, entry, pose, placed));
+                home.leaves
+                    .extend(leaf((piece, &home.pieces), entry, pose, placed));
                 let surfaces = entry.surfaces.iter();
                 home.surfaces
                     .extend(surfaces.map(|surface| self::surface(piece, entry, surface)));
@@ -99,21 +100,22 @@ fn openings(file: &HomeFile) -> Vec<Opening> {
 
 /// The leaf of an entry; `None` for what does not move.
 fn leaf(
-    piece: usize,
+    (piece, others): (usize, &[Piece]),
     entry: &FurnitureEntry,
     rest: Isometry3<f64>,
     boxes: Vec<Obb>,
 ) -> Option<Leaf> {
     let hinge = entry.hinge.as_ref().map(|hinge| {
         let travel = hinge.travel_deg.to_radians();
-        (JointMotion::Turns, hinge.axis, travel)
+        (JointMotion::Turns, &hinge.on, hinge.axis, travel)
     });
     let slide = entry.slide.as_ref();
-    let slide = slide.map(|slide| (JointMotion::Slides, slide.axis, slide.travel));
-    let (motion, axis, travel) = hinge.or(slide)?;
+    let slide = slide.map(|slide| (JointMotion::Slides, &slide.on, slide.axis, slide.travel));
+    let (motion, on, axis, travel) = hinge.or(slide)?;
     let grasps = entry.grasps.iter();
     Some(Leaf {
         piece,
+        carrier: others.iter().position(|other| other.name == *on),
         rest,
         motion,
         axis: Unit::try_new(rest.rotation * Vector3::from(axis), 1e-3)?,

@@ -141,6 +141,8 @@ pub struct Surface {
 pub struct Leaf {
     /// Index of its piece.
     pub piece: usize,
+    /// Index of the piece on which it moves.
+    pub carrier: Option<usize>,
     /// Pose in `house` when it is closed.
     pub rest: Isometry3<f64>,
     /// Whether it turns or slides.

@@ -2,13 +2,14 @@
 //!
 //! The hand takes the handle and moves along the arc to 45°, or straight to 0.20 m. Every pose
 //! on the way must be in the reach map, from one stop of the chair that the leaf does not touch
-//! on its way. As that of the scripted operator, the hand may lean, and turn about the handle.
+//! on its way. A leaf that turns must not meet walls or furniture. As that of the scripted operator, the hand may lean, and turn about the handle.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use serde::Serialize;
 use wheelarm_planning::arm_access::leans;
 use wheelarm_planning::footprint_check::{Pose2, Rectangle, wrap};
 use wheelarm_planning::handle::LAGS;
+use wheelarm_planning::hinged_leaf::HingedLeaf;
 use wheelarm_planning::obb::Obb;
 use wheelarm_planning::reach_map::HandPlace;
 use wheelarm_proto::exact;
@@ -48,6 +49,8 @@ const WAY: [f64; 2] = [-0.05, 0.15];
 pub enum Reason {
     /// Its hinge ends before 45°, or its rail before 0.20 m.
     TooShort,
+    /// It meets a wall or furniture before 45°.
+    Blocked,
     /// Nothing to grasp was found.
     NoHandle,
     /// The arm reaches no hand at the handle, or not along the arc.
@@ -106,6 +109,7 @@ impl LeafReport {
             None => return "opened".to_owned(),
             Some(Reason::TooShort) if self.slides => "it ends before 0.20 m",
             Some(Reason::TooShort) => "its hinge ends before 45°",
+            Some(Reason::Blocked) => "it meets a wall or furniture before 45°",
             Some(Reason::NoHandle) => "no handle that the hand can take",
             Some(Reason::OutOfReach) => "out of reach at the handle or on its way",
             Some(Reason::Covered) => "something is between the arm and the handle",
@@ -128,7 +132,11 @@ pub fn test(home: &Home, floor: &Floor, robot: &RobotFacts, leaf: &Leaf) -> Leaf
         reason: Reason::TooShort,
         by_geometry: false,
     };
-    let moves = leaf.travel >= open(leaf.motion);
+    let travels = leaf.travel >= open(leaf.motion);
+    let moves = travels && swings_free(home, leaf);
+    if travels && !moves {
+        search.note(Reason::Blocked);
+    }
     let stop = moves.then(|| search.stop()).flatten();
     let allowed = stop.is_some() || (moves && search.allows());
     let handle = leaf.grasps.first().map(|grasp| grasp.translation.vector);
@@ -151,6 +159,24 @@ pub fn test(home: &Home, floor: &Floor, robot: &RobotFacts, leaf: &Leaf) -> Leaf
         stop: stop.map(|stop| [stop.x, stop.y, stop.heading]),
         allowed,
     }
+}
+
+/// Whether a leaf that turns opens without meeting walls or furniture; true of a drawer.
+fn swings_free(home: &Home, leaf: &Leaf) -> bool {
+    let hinged = HingedLeaf {
+        rest: leaf.rest,
+        axis: leaf.axis,
+        boxes: leaf
+            .boxes
+            .iter()
+            .map(|obb| obb.at(&leaf.rest.inverse()))
+            .collect(),
+    };
+    let own = [Some(leaf.piece), leaf.carrier].map(|piece| piece.map(Owner::Piece));
+    let others = home.solids.iter();
+    let others = others.filter(|solid| !own.contains(&Some(solid.owner)));
+    leaf.motion == JointMotion::Slides
+        || hinged.swings_free_of(OPEN, others.map(|solid| (solid.outline, solid.heights)))
 }
 
 /// A point of the floor before a handle: the handle itself may be in no room.
@@ -375,5 +401,53 @@ fn segment(a: [f64; 2], b: [f64; 2]) -> Rectangle {
         centre: [f64::midpoint(a[0], b[0]), f64::midpoint(a[1], b[1])],
         half: [length / 2.0, 0.0],
         along: way.map(|part| part / length),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn obb(from: [f64; 3], to: [f64; 3]) -> Obb {
+        let [from, to] = [from, to].map(Vector3::from);
+        Obb {
+            pose: Translation3::from((from + to) / 2.0).into(),
+            half: (to - from) / 2.0,
+            round: false,
+        }
+    }
+
+    #[test]
+    fn leaf_beside_a_wall_is_blocked_and_its_carrier_does_not_block_it() {
+        // A door of 0.5 m before a cupboard, whose hinge is 5 cm before its boards.
+        let leaf = Leaf {
+            piece: 1,
+            carrier: Some(0),
+            rest: Isometry3::translation(0.0, -0.05, 0.0),
+            motion: JointMotion::Turns,
+            axis: -Vector3::z_axis(),
+            travel: 1.5,
+            grasps: Vec::new(),
+            boxes: vec![obb([-0.04, -0.02, 0.4], [0.5, 0.0, 1.1])],
+        };
+        let solids = |others: &[(Owner, Obb)]| Home {
+            solids: others
+                .iter()
+                .map(|(owner, obb)| Solid::from_box(*owner, obb))
+                .collect(),
+            ..Home::default()
+        };
+        let cupboard = obb([-0.1, 0.01, 0.0], [0.6, 0.5, 1.2]);
+        let door = leaf.boxes[0];
+        let own = [(Owner::Piece(0), cupboard), (Owner::Piece(1), door)];
+        assert!(swings_free(&solids(&own), &leaf));
+        // The door's far corner is 0.35 m before the cupboard when it is open by 45°.
+        let wall = (Owner::Building, obb([0.3, -1.0, 0.0], [0.6, -0.25, 2.5]));
+        assert!(!swings_free(&solids(&[own[0], own[1], wall]), &leaf));
+        let far = (Owner::Building, obb([0.3, -1.5, 0.0], [0.6, -0.6, 2.5]));
+        assert!(swings_free(&solids(&[own[0], own[1], far]), &leaf));
+        // It does not meet what is above it.
+        let above = (Owner::Piece(2), obb([0.0, -0.4, 1.2], [0.5, 0.5, 1.8]));
+        assert!(swings_free(&solids(&[own[0], own[1], above]), &leaf));
     }
 }

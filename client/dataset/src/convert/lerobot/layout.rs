@@ -364,10 +364,13 @@ impl Layout {
         for images in self.image_features().filter(|p| p.codec.is_none()) {
             out.insert(images.key, json!({"_type": "Image"}));
         }
-        for ((name, _), names) in VECTORS.iter().zip(&self.names) {
+        let vectors = VECTORS.iter().zip(&self.names);
+        let vectors = vectors.map(|((name, _), names)| (*name, names.len()));
+        let scans = (self.rays > 0).then_some((SCAN, self.rays));
+        for (name, length) in vectors.chain(scans) {
             let feature = json!({"feature": {"dtype": "float32", "_type": "Value"},
-                "length": names.len(), "_type": "Sequence"});
-            out.insert((*name).into(), feature);
+                "length": length, "_type": "Sequence"});
+            out.insert(name.into(), feature);
         }
         for (name, flat) in FLAT {
             let feature = json!({"dtype": flat.dtype(), "_type": "Value"});
