@@ -11,7 +11,7 @@ use super::habits::Habits;
 use super::scene::SceneModel;
 use wheelarm_planning::arm_access::furthest_at;
 use wheelarm_planning::footprint_check::{Pose2, wrap};
-use wheelarm_planning::leaf_push::{ARM_STEPS, sampled_lines};
+use wheelarm_planning::leaf_push::{ARM_STEPS, PushStop, sampled_lines};
 
 /// Answers whether the end effector can reach poses in `base_link`.
 pub trait ArmReachability {
@@ -30,6 +30,18 @@ pub struct BasePlacement {
     pub candidate: usize,
     /// The lower the better.
     cost: f64,
+}
+
+impl BasePlacement {
+    /// The place of a push, for the candidate of the same index.
+    #[must_use]
+    pub fn of_push((candidate, stop): (usize, &PushStop)) -> Self {
+        Self {
+            chair: stop.chair,
+            candidate,
+            cost: stop.push.cost,
+        }
+    }
 }
 
 /// Step of the sampled distances, metres.

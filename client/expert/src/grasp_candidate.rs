@@ -56,6 +56,24 @@ pub struct Shown {
 }
 
 impl GraspCandidate {
+    /// Closed fingers that push a door.
+    #[must_use]
+    pub fn of_push(push: &LeafPush) -> Self {
+        Self {
+            pregrasp: push.before,
+            grasp: push.contact,
+            opening: 0.0,
+            width: 0.0,
+            force: None,
+            lean: push.shape.down,
+            backoff: 0.0,
+            cost: push.cost,
+            wish: push.cost,
+            shown: None,
+            push: Some(push.shape),
+        }
+    }
+
     /// The grasp point of `hand` in `house`.
     #[must_use]
     pub fn point(&self, hand: &Hand) -> Point3<f64> {
@@ -266,23 +284,20 @@ fn pushes(
         return Vec::new();
     };
     let angle = scene.slides[slide].position_at(house_from_item);
-    let point = Point3::from(house_from_item.translation.vector);
-    let around = scene.near(&point, BESIDE_DOOR, poses, Some(item));
+    let around = around_door(scene, item, poses);
     let found = leaf.pushes(&scene.hand.closed(), [angle, aim], &around.boxes, margin);
-    let of_push = |push: LeafPush| GraspCandidate {
-        pregrasp: push.before,
-        grasp: push.contact,
-        opening: 0.0,
-        width: 0.0,
-        force: None,
-        lean: push.shape.down,
-        backoff: 0.0,
-        cost: push.cost,
-        wish: push.cost,
-        shown: None,
-        push: Some(push.shape),
-    };
-    found.unwrap_or_default().into_iter().map(of_push).collect()
+    let found = found.unwrap_or_default();
+    found.iter().map(GraspCandidate::of_push).collect()
+}
+
+/// What may be in the way of a hand at a door.
+pub(crate) fn around_door(
+    scene: &SceneModel,
+    item: usize,
+    poses: &[Isometry3<f64>],
+) -> Surroundings {
+    let hinge = Point3::from(poses[item].translation.vector);
+    scene.near(&hinge, BESIDE_DOOR, poses, Some(item))
 }
 
 /// Distance before a grasp at which the fingers are outside the limbs of a deformable

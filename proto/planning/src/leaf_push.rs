@@ -115,6 +115,15 @@ pub struct LeafPush {
     pub cost: f64,
 }
 
+/// A base placement from which the arm pushes a door shut.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PushStop {
+    /// Pose of the chair.
+    pub chair: Pose2,
+    /// The push from there.
+    pub push: LeafPush,
+}
+
 /// Why a door cannot be pushed shut; later ones are nearer to success.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum NoPush {
@@ -342,17 +351,17 @@ impl HingedLeaf {
         around: &[Obb],
         chair: &mut PushingChair<'_>,
         most: usize,
-    ) -> Result<Vec<Pose2>, NoPush> {
+    ) -> Result<Vec<PushStop>, NoPush> {
         let pushes = self.pushes(chair.hand, [from, to], around, 0.0)?;
         let mut why = NoPush::NoFloor;
-        let mut found: Vec<Pose2> = Vec::new();
+        let mut found: Vec<PushStop> = Vec::new();
         let mut looked = 0;
         let ends = [self.boxes_at(from), self.boxes_at(to)];
         for push in &pushes {
             let way = self.way(chair.hand, &push.shape, [from, to]);
             let end = way.last().unwrap_or(&push.contact);
             for pose in chair.around(&push.contact) {
-                let is_known = |known: &Pose2| {
+                let is_known = |PushStop { chair: known, .. }: &PushStop| {
                     known.distance(&pose) < APART[0]
                         && wrap(known.heading - pose.heading).abs() < APART[1]
                 };
@@ -376,7 +385,10 @@ impl HingedLeaf {
                 let poses: Vec<_> = poses.map(|pose| base_from_house * pose).collect();
                 let reached = (chair.reaches)(&poses);
                 match reached {
-                    true => found.push(pose),
+                    true => found.push(PushStop {
+                        chair: pose,
+                        push: *push,
+                    }),
                     false => why = why.max(NoPush::OutOfReach),
                 }
                 if found.len() == most {
@@ -388,7 +400,7 @@ impl HingedLeaf {
     }
 }
 
-fn enough(found: Vec<Pose2>, why: NoPush) -> Result<Vec<Pose2>, NoPush> {
+fn enough(found: Vec<PushStop>, why: NoPush) -> Result<Vec<PushStop>, NoPush> {
     match found.is_empty() {
         true => Err(why),
         false => Ok(found),
@@ -577,7 +589,7 @@ mod tests {
     }
 
     /// Placements of a chair among boxes, with an arm that reaches a shell.
-    fn placements(around: &[Obb]) -> Result<Vec<Pose2>, NoPush> {
+    fn placements(around: &[Obb]) -> Result<Vec<PushStop>, NoPush> {
         let hand = hand();
         let stands = |pose: &Pose2| {
             // A round chair of 0.45 m radius.
@@ -639,7 +651,9 @@ mod tests {
         assert_eq!(found.len(), 3);
         // From the side of the hinge, which the outer face looks at.
         assert!(
-            found.iter().all(|pose| pose.x < 0.4 && pose.y < -0.5),
+            found
+                .iter()
+                .all(|stop| stop.chair.x < 0.4 && stop.chair.y < -0.5),
             "{found:?}"
         );
     }

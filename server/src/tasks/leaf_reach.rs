@@ -69,6 +69,7 @@ impl Floor {
         if stops.len() < least {
             return Err(NoPush::OutOfReach);
         }
+        let stops: Vec<Pose2> = stops.iter().map(|stop| stop.chair).collect();
         let drivable = drivable.among(&open);
         Ok(self.has_path(&drivable, (&sample.start, sample.arm), &stops))
     }
@@ -159,6 +160,8 @@ mod tests {
     use nalgebra::{Translation3, Vector3};
 
     use super::super::floor::outlines;
+    use wheelarm_planning::leaf_push::PushStop;
+
     use super::super::pushing_arm::PushingArm;
     use super::*;
     use crate::robot::RobotModel;
@@ -189,7 +192,7 @@ mod tests {
     }
 
     /// Placements before the cupboard, which has further boxes around it.
-    fn placements(leaf: &HingedLeaf, others: &[Obb]) -> Result<Vec<Pose2>, NoPush> {
+    fn placements(leaf: &HingedLeaf, others: &[Obb]) -> Result<Vec<PushStop>, NoPush> {
         let assets = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../assets");
         let model = RobotModel::load(&assets, "wheelarm").expect("the robot");
         let arm = PushingArm::new(&model);

@@ -15,6 +15,7 @@ use crate::habits::Habits;
 use wheelarm_planning::floor_map::STOP_CLEARANCE;
 use wheelarm_planning::footprint_check::{FootprintCheck, Pose2};
 use wheelarm_planning::hybrid_a_star::{DriveGoal, Segment};
+use wheelarm_planning::leaf_push::{NoPush, PushStop};
 use wheelarm_planning::posture_routes::STOP_GOALS;
 use wheelarm_planning::route_planner::RoutePlanner;
 use wheelarm_proto::furniture::JointMotion;
@@ -133,10 +134,7 @@ fn wanted(
             vec![bring::after(now, &chair, candidate), raised]
         }
         Goal::Close { slide, .. } if candidate.push.is_some() => {
-            let ways = push::ways(now, *slide, candidate);
-            // The first third of the way.
-            let begin = |way: &Vec<_>| way[..way.len().div_ceil(3)].to_vec();
-            vec![ways.clone(), ways.iter().map(begin).collect()]
+            vec![push::ways(now, *slide, candidate)]
         }
         Goal::Open { slide, .. } | Goal::Close { slide, .. } => {
             let slide_now = now.observation.slides.get(*slide).copied().unwrap_or(0.0);
@@ -264,6 +262,9 @@ pub(super) fn find_narrow(now: &mut Now<'_>, purpose: Purpose) -> Option<(Drive,
     let room = routes.map(STOP_CLEARANCE);
     let opened = opened(&now);
     let distance = now.profile.grasp.distance;
+    if let Ok((choice, placements)) = pushes(&mut now, purpose, &|pose| room.is_free(pose)) {
+        return choice.drive_to_any(&placements, 0, &mut now, &mut routes);
+    }
     // The least clearance of the hand leaves the most candidates.
     for margin in [MARGINS[0], MARGINS[MARGINS.len() - 1]] {
         let candidates = candidates(&now, purpose, margin);
@@ -309,6 +310,28 @@ pub(crate) fn find_with(
     let mut tally = Tally::default();
     let mut unreached = Unreached::default();
     let mut pathless = Vec::new();
+    let is_stop = |pose: &Pose2| room.is_free(pose) && accepts(pose);
+    match pushes(now, purpose, &is_stop) {
+        Err(NoPush::NoFace) => {}
+        Err(why) => {
+            let name = &now.scene.items[now.goal.item()].name;
+            return Err(format!("no place to push {name:?} from: {why}"));
+        }
+        Ok((choice, placements)) => {
+            let mut search = Search {
+                routes,
+                tally: &mut tally,
+                unreached: &mut unreached,
+                pathless: &mut pathless,
+            };
+            let drive = choice.drive((&placements, placements.len()), 0, now, &mut search);
+            return drive.ok_or_else(|| {
+                let name = &now.scene.items[now.goal.item()].name;
+                let count = placements.len();
+                format!("no path to any of {count} places to push {name:?} from")
+            });
+        }
+    }
     let rounds = [PLACES, MORE_PLACES].into_iter();
     let rounds = rounds.flat_map(|most| MARGINS.map(|margin| (most, margin)));
     for (most, margin) in rounds {
@@ -387,6 +410,22 @@ fn candidates(now: &Now<'_>, purpose: Purpose, margin: f64) -> Vec<GraspCandidat
             place::candidates(now, &held, &place::taken(now, &held))
         }
     }
+}
+
+/// Places from which a door is pushed shut, each with a candidate of its own.
+fn pushes(
+    now: &mut Now<'_>,
+    purpose: Purpose,
+    is_stop: &dyn Fn(&Pose2) -> bool,
+) -> Result<(Choice, Vec<BasePlacement>), NoPush> {
+    let stops = push::stops(now, is_stop)?;
+    let of_push = |stop: &PushStop| GraspCandidate::of_push(&stop.push);
+    let choice = Choice {
+        purpose,
+        candidates: stops.iter().map(of_push).collect(),
+    };
+    let placements = stops.iter().enumerate().map(BasePlacement::of_push);
+    Ok((choice, placements.collect()))
 }
 
 /// State of one search for a base placement.

@@ -1,12 +1,15 @@
 //! Push: closed fingers push a door of furniture shut along its arc.
 
 use nalgebra::Isometry3;
-use wheelarm_planning::leaf_push::PushShape;
+use wheelarm_planning::footprint_check::Pose2;
+use wheelarm_planning::leaf_push::{NoPush, PushShape, PushStop, PushingChair};
 use wheelarm_proto::v1::Phase;
 
 use super::motion::{Motion, Progress};
 use super::{Act, Now, Skill, Step};
-use crate::grasp_candidate::GraspCandidate;
+use crate::base_placement;
+use crate::goal::Goal;
+use crate::grasp_candidate::{self, GraspCandidate};
 use crate::tool_path::Shape;
 
 /// The door may stay short of the aim by this angle, radians.
@@ -15,6 +18,9 @@ const SHORT: f64 = 0.03;
 const TRIES: usize = 3;
 /// Overlap of the legs along the arc: the hand does not stop between them.
 const OVERLAP: f64 = 0.5;
+
+/// Base placements that are looked for: the chair has no path to some.
+const STOPS: usize = 24;
 
 /// See the module.
 #[derive(Clone, Debug, Default)]
@@ -39,6 +45,37 @@ fn way(now: &Now<'_>, slide: usize, shape: &PushShape) -> Option<Vec<Isometry3<f
     let (_, aim) = now.goal.aim(now.scene)?;
     let angle = now.observation.slides.get(slide).copied()?;
     Some(leaf.way(&now.scene.hand.closed(), shape, [angle, aim]))
+}
+
+/// Base placements from which the arm pushes the goal's door shut, as sampling of the scene
+/// finds them.
+///
+/// # Errors
+/// Why there is none. [`NoPush::NoFace`] also of goals that close no door on a hinge.
+pub(super) fn stops(
+    now: &mut Now<'_>,
+    is_stop: &dyn Fn(&Pose2) -> bool,
+) -> Result<Vec<PushStop>, NoPush> {
+    let &Goal::Close { item, slide, .. } = now.goal else {
+        return Err(NoPush::NoFace);
+    };
+    let (leaf, (_, aim)) = (now.scene.leaf(slide))
+        .zip(now.goal.aim(now.scene))
+        .ok_or(NoPush::NoFace)?;
+    let angle = now.observation.slides.get(slide).copied();
+    let around = grasp_candidate::around_door(now.scene, item, now.poses);
+    let from = now.observation.base_from_tool;
+    let (hand, reach) = (now.scene.hand.closed(), &mut *now.reach);
+    let mut reaches = |poses: &[Isometry3<f64>]| base_placement::reaches(&from, poses, &mut *reach);
+    let mut chair = PushingChair {
+        mount: now.scene.chair_from_base,
+        range: now.scene.arm_range,
+        hand: &hand,
+        is_stop,
+        reaches: &mut reaches,
+    };
+    let angles = [angle.ok_or(NoPush::NoFace)?, aim];
+    leaf.placements(angles, &around.boxes, &mut chair, STOPS)
 }
 
 impl Push {

@@ -438,7 +438,9 @@ fn choose_for(
                 .map_or(0.3, |h| wrap(h - chair.heading).abs());
             candidate.cost + (off / 0.3).powi(2)
         };
-        let planned = now.memory.planned.filter(|_| now.profile.habits.is_some());
+        // The arm pushes from few places: what is planned from this one is tried first.
+        let has_plan = now.profile.habits.is_some() || candidates.iter().any(|c| c.push.is_some());
+        let planned = now.memory.planned.filter(|_| has_plan);
         let rank = |candidate: &GraspCandidate| match planned {
             Some(planned) => {
                 let at = object.inv_mul(&candidate.grasp);
