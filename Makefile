@@ -144,7 +144,7 @@ test:
 # `cargo test` has released the lock of the target folder: else the tests would wait.
 lints:
 	sleep $(LINTS_AFTER); log=$$($(LINT_UNITS) RUSTC_WRAPPER="$(CURDIR)/scripts/lint.sh" $(ALONE) nice -n 19 \
-		$(CARGO) build --release --workspace $(WITHOUT_LEARN) --all-targets 2>&1) || { printf '%s\n' "$$log"; exit 1; }
+		$(CARGO) build --release --workspace $(WITHOUT_LEARN) --lib --bins --examples 2>&1) || { printf '%s\n' "$$log"; exit 1; }
 
 # Unit tests compute, and the suites beside them mostly wait for servers.
 unit-suites: export WHEELARM_NO_SKIPS = 1
