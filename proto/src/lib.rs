@@ -26,6 +26,7 @@ pub mod limits;
 #[cfg(feature = "log")]
 pub mod log;
 pub mod output;
+pub mod parallel;
 pub mod person;
 pub mod preview;
 pub mod program;

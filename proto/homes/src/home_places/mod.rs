@@ -12,8 +12,10 @@ mod spot;
 mod start;
 
 use wheelarm_pack::{Pack, PackError, PlaceEntry};
+use wheelarm_proto::parallel;
 
 use crate::home_report::floor::{self, Floor};
+use crate::home_report::home::Surface;
 use crate::home_report::{Home, NoHome, RobotFacts, rooms, surfaces};
 use spot::Spot;
 
@@ -92,16 +94,8 @@ pub fn add(pack: &Pack, robot: PlaceRobot<'_>) -> Result<HomePlaces, NoPlaces> {
             driven: &floor,
             parked: &parked,
         };
-        for surface in &home.surfaces {
-            let piece = &home.pieces[surface.piece].name;
-            let is_known = |spot: &Spot| spot.piece == *piece && spot.surface == surface.name;
-            let label = format!("{piece}/{}", surface.name);
-            if spots.iter().any(is_known) || skipped.iter().any(|s: &Skipped| s.surface == label) {
-                continue;
-            }
-            let Some(strip) = surfaces::test(&home, &floor, robot.drives, surface).strip else {
-                continue;
-            };
+        let spot = |surface: &Surface| {
+            let strip = surfaces::test(&home, &floor, robot.drives, surface).strip?;
             let spot = Spot::new(&home, &file, surface, &strip).and_then(|spot| {
                 let near = start::near(&home, &floors, &spot);
                 let of_home = of_home.filter(|_| !within);
@@ -115,11 +109,29 @@ pub fn add(pack: &Pack, robot: PlaceRobot<'_>) -> Result<HomePlaces, NoPlaces> {
                     ..spot
                 })
             });
+            Some(spot)
+        };
+        let label = |surface: &Surface| {
+            let piece = &home.pieces[surface.piece].name;
+            format!("{piece}/{}", surface.name)
+        };
+        let mut others: Vec<&Surface> = home.surfaces.iter().collect();
+        others.retain(|surface| {
+            let piece = &home.pieces[surface.piece].name;
+            let is_known = |spot: &Spot| spot.piece == *piece && spot.surface == surface.name;
+            let label = label(surface);
+            !spots.iter().any(is_known) && !skipped.iter().any(|s: &Skipped| s.surface == label)
+        });
+        let found = parallel::map(others.clone(), spot);
+        for (surface, found) in others.into_iter().zip(found) {
+            let Some(found) = found else {
+                continue;
+            };
             counts[usize::from(within)] += 1;
-            match spot {
+            match found {
                 Ok(spot) => spots.push(spot),
                 Err(reason) => skipped.push(Skipped {
-                    surface: label,
+                    surface: label(surface),
                     reason,
                 }),
             }

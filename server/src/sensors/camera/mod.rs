@@ -24,7 +24,6 @@ mod image_pass;
 mod mapping;
 mod mesh_cache;
 mod packing;
-mod parallel;
 mod part_cache;
 mod parts;
 mod patterns;

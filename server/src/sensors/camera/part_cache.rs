@@ -12,11 +12,11 @@ use wheelarm_proto::cache::{self, Key, Store};
 use super::ambient_map::ChartPoint;
 use super::ambient_occlusion::{AmbientOcclusion, HomeLight};
 use super::batch::{MATERIAL, Vertex};
-use super::parallel;
 use super::parts::{Part, Share, is_lit_by_rays};
 use super::scene::{Binding, RenderScene};
 use super::surroundings::Surroundings;
 use crate::geometry::TriMesh;
+use wheelarm_proto::parallel;
 
 /// Sources of the computation of the entries: entries of other sources have other keys.
 const SOURCES: [&str; 8] = [

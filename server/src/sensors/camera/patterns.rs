@@ -7,9 +7,9 @@ use wgpu::util::DeviceExt;
 use wheelarm_proto::cache::{Key, Store};
 
 use super::ambient_map::AmbientMap;
-use super::parallel;
 use crate::appearance::Reflection;
 use crate::geometry::texture::{self, Image, Source, TextureError};
+use wheelarm_proto::parallel;
 
 /// Repeating with mipmaps; comparing for the shadow map; smooth between levels; for
 /// textures of one level.

@@ -9,7 +9,6 @@ use super::RenderError;
 use super::buffers::Buffers;
 use super::graphics::{Graphics, OpenDevice};
 use super::packing::Packer;
-use super::parallel;
 use super::part_cache::Home;
 use super::pipelines::Pipelines;
 use super::scene::{Binding, RenderScene};
@@ -17,6 +16,7 @@ use super::spec::CameraSpec;
 use super::surroundings::Surroundings;
 use super::tier::Tier;
 use crate::geometry::texture::Image;
+use wheelarm_proto::parallel;
 
 /// Checks that the cameras fit the scene.
 pub(super) fn check_cameras(

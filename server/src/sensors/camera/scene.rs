@@ -9,7 +9,6 @@ use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use super::RenderError;
 use super::decoration::parts;
 use super::mesh_cache::{MeshCache, SceneMeshes};
-use super::parallel;
 use crate::appearance::{Irradiance, Kind, Lamp, Reflection, SampledAppearance};
 use crate::geometry::mesh::{Detail, build_detail};
 use crate::geometry::plush::Skin;
@@ -18,6 +17,7 @@ use crate::geometry::{Family, Material, Shape, Texture, TriMesh, Visual};
 use crate::people::{BodyPart, Person};
 use crate::robot::{RobotModel, SeatSettings};
 use crate::scene::{Body, Lighting, Scene, Soft};
+use wheelarm_proto::parallel;
 
 /// The body that a mesh or a camera is fixed to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

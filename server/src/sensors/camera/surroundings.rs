@@ -4,8 +4,8 @@
 use nalgebra::{Point3, Vector3};
 use wheelarm_proto::exact;
 
-use super::parallel;
 use super::scene::{Binding, RenderItem, RenderScene};
+use wheelarm_proto::parallel;
 
 /// Side of a cell, metres.
 const CELL: f64 = 0.08;

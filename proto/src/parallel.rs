@@ -1,25 +1,29 @@
 //! Parallel map over items.
 
-use parking_lot::Mutex;
+use std::sync::{Mutex, PoisonError};
 
 /// Largest number of threads; the jobs are short.
 const MOST: usize = 8;
 
 /// Number of threads that run at the same time.
-pub(super) fn threads() -> usize {
+#[must_use]
+pub fn threads() -> usize {
     let cores = std::thread::available_parallelism();
     cores.map_or(1, usize::from).min(MOST)
 }
 
 /// Results of `work` for each item, in order. Propagates panics.
-pub(super) fn map<T: Send, R: Send>(items: Vec<T>, work: impl Fn(T) -> R + Sync) -> Vec<R> {
+pub fn map<T: Send, R: Send>(items: Vec<T>, work: impl Fn(T) -> R + Sync) -> Vec<R> {
     let count = items.len();
     let waiting = Mutex::new(items.into_iter().enumerate());
     let some = || {
         let mut done = Vec::new();
         loop {
             // The lock is released before the work.
-            let next = waiting.lock().next();
+            let next = waiting
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .next();
             let Some((index, item)) = next else {
                 return done;
             };
@@ -40,7 +44,7 @@ pub(super) fn map<T: Send, R: Send>(items: Vec<T>, work: impl Fn(T) -> R + Sync)
 }
 
 /// Result of a thread; propagates panics.
-pub(super) fn joined<T>(job: std::thread::ScopedJoinHandle<'_, T>) -> T {
+pub fn joined<T>(job: std::thread::ScopedJoinHandle<'_, T>) -> T {
     job.join()
         .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
 }
