@@ -30,7 +30,6 @@ pub(super) fn parsed_sentences(
 }
 
 /// The sentences, and those of them that are parsed to another meaning than the task's.
-
 fn parsed_by(
     grammar: &Grammar,
     (task, scene, sample): (&TaskSpec, &Scene, &TaskSample),
