@@ -9,7 +9,7 @@ use super::Now;
 use crate::base_placement::{self, GENTLE};
 use crate::drive::{Drive, DriveLimits};
 
-/// Lengths that are tried, metres. Back comes first, because a door opens towards the chair.
+/// Lengths that are tried, metres: back before ahead, as a door opens towards the chair.
 const LENGTHS: [f64; 10] = [
     -0.06, -0.12, -0.18, -0.25, 0.06, -0.32, 0.12, -0.4, 0.18, 0.25,
 ];
