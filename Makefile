@@ -85,13 +85,18 @@ ALONE := env -u MAKEFLAGS -u MFLAGS
 # Another number of units than the profile's gives the crates of this repository names of their
 # own: the lints check them, and find the others built.
 LINT_UNITS := CARGO_PROFILE_RELEASE_CODEGEN_UNITS=15
+BUILT := $(or $(CARGO_TARGET_DIR),target)/release
+# In an empty target folder `make test` compiles all tests by clippy (scripts/rustc.sh).
+ifndef LINT_TARGETS
+LINT_TARGETS := $(if $(RUSTC_WRAPPER)$(wildcard $(BUILT)/deps)$(filter-out test,$(or $(MAKECMDGOALS),all)),--all-targets,--lib --bins --examples)
+endif
+export LINT_TARGETS
 # Seconds until the lints begin; see there.
 LINTS_AFTER ?= 20
 # burn compiles for minutes: only `make test-learn` builds client/learn.
 WITHOUT_LEARN := --exclude wheelarm-learn
 # Empty in the copy that this test makes.
 BUILD_TEST ?= tests/build.sh
-BUILT := $(or $(CARGO_TARGET_DIR),target)/release
 export WHEELARM_COMMIT ?= $(shell git rev-parse --short=12 HEAD 2>/dev/null)
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 # Settings of another server in this shell must not affect servers that are started here.
@@ -144,21 +149,21 @@ test:
 # `cargo test` has released the lock of the target folder: else the tests would wait.
 lints:
 	sleep $(LINTS_AFTER); log=$$($(LINT_UNITS) RUSTC_WRAPPER="$(CURDIR)/scripts/lint.sh" $(ALONE) nice -n 19 \
-		$(CARGO) build --release --workspace $(WITHOUT_LEARN) --lib --bins --examples 2>&1) || { printf '%s\n' "$$log"; exit 1; }
+		$(CARGO) build --release --workspace $(WITHOUT_LEARN) $(LINT_TARGETS) 2>&1) || { printf '%s\n' "$$log"; exit 1; }
 
-# Unit tests compute, and the suites beside them mostly wait for servers.
+# Tests of one crate mostly compute, and the suites beside them mostly wait for servers.
 unit-suites: export WHEELARM_NO_SKIPS = 1
 unit-suites: export WHEELARM_CACHE = $(if $(filter /%,$(BUILT)),$(BUILT),$(CURDIR)/$(BUILT))/test-cache-units
 unit-suites:
 	rm -rf "$(WHEELARM_CACHE)"
-	RUST_TEST_THREADS=$(TEST_THREADS) $(ALONE) nice -n 5 $(CARGO) test --release --workspace $(WITHOUT_LEARN) --lib --bins
+	RUST_TEST_THREADS=$(TEST_THREADS) $(ALONE) nice -n 5 $(CARGO) test --release --workspace $(WITHOUT_LEARN) --exclude wheelarm-tests --tests
 
 suites: export WHEELARM_NO_SKIPS = 1
 # Entries of other builds must not affect tests.
 suites: export WHEELARM_CACHE = $(if $(filter /%,$(BUILT)),$(BUILT),$(CURDIR)/$(BUILT))/test-cache
 suites:
 	rm -rf "$(WHEELARM_CACHE)"
-	RUST_TEST_THREADS=$(TEST_THREADS) $(ALONE) $(CARGO) test --release --workspace $(WITHOUT_LEARN) --test '*'
+	RUST_TEST_THREADS=$(TEST_THREADS) $(ALONE) $(CARGO) test --release -p wheelarm-tests --tests
 
 python-suite: export WHEELARM_NO_SKIPS = 1
 python-suite: export WHEELARM_CACHE = $(if $(filter /%,$(BUILT)),$(BUILT),$(CURDIR)/$(BUILT))/test-cache-python

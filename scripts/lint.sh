@@ -1,8 +1,7 @@
 #!/usr/bin/env bash
 # The compiler of `make lints` (RUSTC_WRAPPER): clippy and rustdoc for each crate of this
 # repository, with warnings denied. Writes metadata only, and reads the metadata that the build
-# wrote for other crates: `cargo clippy` and `cargo doc` would check all of them again. Tests
-# are checked by scripts/rustc.sh.
+# wrote for other crates: `cargo clippy` and `cargo doc` would check all of them again.
 set -euo pipefail
 [ -n "${CARGO_PRIMARY_PACKAGE:-}" ] || exec "$@"
 tools=$("$1" --print sysroot)/bin
@@ -15,7 +14,7 @@ clippy=("${clippy[@]/#--emit=*/--emit=dep-info,metadata}")
 # Documented are libraries, and the program without one: the others are a file without links.
 private=()
 case " $* " in
-*"/release/examples "*) exit ;;
+*" --test "* | *"/release/examples "*) exit ;;
 *" --crate-type bin "*)
     [ ! -e "$CARGO_MANIFEST_DIR/src/lib.rs" ] || exit 0
     private=(--document-private-items)

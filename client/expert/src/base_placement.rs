@@ -33,9 +33,9 @@ pub struct BasePlacement {
 }
 
 impl BasePlacement {
-    /// The place of a push, for the candidate of the same index.
+    /// The placement of a push, for the candidate with an index.
     #[must_use]
-    pub fn of_push((candidate, stop): (usize, &PushStop)) -> Self {
+    pub fn from_push_stop(stop: &PushStop, candidate: usize) -> Self {
         Self {
             chair: stop.chair,
             candidate,

@@ -58,7 +58,7 @@ pub struct Shown {
 impl GraspCandidate {
     /// Closed fingers that push a door.
     #[must_use]
-    pub fn of_push(push: &LeafPush) -> Self {
+    pub fn from_push(push: &LeafPush) -> Self {
         Self {
             pregrasp: push.before,
             grasp: push.contact,
@@ -287,7 +287,7 @@ fn pushes(
     let around = around_door(scene, item, poses);
     let found = leaf.pushes(&scene.hand.closed(), [angle, aim], &around.boxes, margin);
     let found = found.unwrap_or_default();
-    found.iter().map(GraspCandidate::of_push).collect()
+    found.iter().map(GraspCandidate::from_push).collect()
 }
 
 /// What may be in the way of a hand at a door.

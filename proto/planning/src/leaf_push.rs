@@ -672,6 +672,11 @@ mod tests {
         // What it meets when it is closed does not count.
         let frame = obb([0.1, -0.02, 0.0], [0.3, 0.1, 2.0]);
         assert!(door.swings_free(1.2, &[frame]));
+        // But what it only touches then counts where it turns into it.
+        let touched = obb([-0.3, -0.6, 0.0], [-0.005, 1.0, 2.5]);
+        assert!(!door.swings_free(1.2, &[touched]));
+        let beside = obb([0.783, -0.03, 0.0], [1.4, 0.5, 0.8]);
+        assert!(door.swings_free(1.2, &[beside]));
     }
 
     #[test]

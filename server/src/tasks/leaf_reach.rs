@@ -7,7 +7,7 @@ use std::iter::once;
 use nalgebra::{Isometry3, Point3};
 use wheelarm_planning::floor_map::STOP_CLEARANCE;
 use wheelarm_planning::footprint_check::{FootprintCheck, Pose2};
-use wheelarm_planning::hinged_leaf::HingedLeaf;
+use wheelarm_planning::hinged_leaf::{BEYOND, HingedLeaf};
 use wheelarm_planning::leaf_push::{NoPush, PushingChair};
 use wheelarm_planning::obb::Obb;
 use wheelarm_proto::furniture::JointMotion;
@@ -27,8 +27,6 @@ const PLACEMENTS: [usize; 2] = [8, 3];
 /// but at least by this angle, radians; and how many angles are tried.
 const LEAST_OPEN: f64 = 0.55;
 const ANGLES: usize = 5;
-/// A door has to be free to open this far beyond the bound of its task, radians.
-const BEYOND: f64 = 0.02;
 /// Furniture within this distance of a hinge may be in the way, metres.
 const NEAR: f64 = 1.6;
 
@@ -158,9 +156,9 @@ mod tests {
     use std::path::PathBuf;
 
     use nalgebra::{Translation3, Vector3};
+    use wheelarm_planning::leaf_push::PushStop;
 
     use super::super::floor::outlines;
-    use wheelarm_planning::leaf_push::PushStop;
 
     use super::super::pushing_arm::PushingArm;
     use super::*;

@@ -50,7 +50,7 @@ const NODES: usize = 90_000;
 
 /// Checks of the arm after which planning a drive ends, with all its base searches: each that
 /// fails takes the server some 3 ms. Without a bound, a plan took more than 60 s.
-const ARM_CHECKS: usize = 5_000;
+pub(super) const ARM_CHECKS: usize = 5_000;
 
 /// Levels of requirements for the goal.
 fn levels(now: &Now<'_>) -> usize {
@@ -262,8 +262,12 @@ pub(super) fn find_narrow(now: &mut Now<'_>, purpose: Purpose) -> Option<(Drive,
     let room = routes.map(STOP_CLEARANCE);
     let opened = opened(&now);
     let distance = now.profile.grasp.distance;
-    if let Ok((choice, placements)) = pushes(&mut now, purpose, &|pose| room.is_free(pose)) {
-        return choice.drive_to_any(&placements, 0, &mut now, &mut routes);
+    match pushes(&mut now, purpose, &|pose| room.is_free(pose)) {
+        Err(NoPush::NoFace) => {}
+        Err(_) => return None,
+        Ok((choice, placements)) => {
+            return choice.drive_to_any(&placements, 0, &mut now, &mut routes);
+        }
     }
     // The least clearance of the hand leaves the most candidates.
     for margin in [MARGINS[0], MARGINS[MARGINS.len() - 1]] {
@@ -327,8 +331,10 @@ pub(crate) fn find_with(
             let drive = choice.drive((&placements, placements.len()), 0, now, &mut search);
             return drive.ok_or_else(|| {
                 let name = &now.scene.items[now.goal.item()].name;
-                let count = placements.len();
-                format!("no path to any of {count} places to push {name:?} from")
+                format!(
+                    "no place to push {name:?} from: of {} base placements {} out of the arm's reach and {} without a path",
+                    tally.tried, tally.unreached, tally.pathless
+                )
             });
         }
     }
@@ -419,12 +425,13 @@ fn pushes(
     is_stop: &dyn Fn(&Pose2) -> bool,
 ) -> Result<(Choice, Vec<BasePlacement>), NoPush> {
     let stops = push::stops(now, is_stop)?;
-    let of_push = |stop: &PushStop| GraspCandidate::of_push(&stop.push);
+    let of_push = |stop: &PushStop| GraspCandidate::from_push(&stop.push);
     let choice = Choice {
         purpose,
         candidates: stops.iter().map(of_push).collect(),
     };
-    let placements = stops.iter().enumerate().map(BasePlacement::of_push);
+    let placements = stops.iter().enumerate();
+    let placements = placements.map(|(i, stop)| BasePlacement::from_push_stop(stop, i));
     Ok((choice, placements.collect()))
 }
 

@@ -1,10 +1,12 @@
 //! Push: closed fingers push a door of furniture shut along its arc.
 
 use nalgebra::Isometry3;
+use wheelarm_planning::arm_access::FURTHEST;
 use wheelarm_planning::footprint_check::Pose2;
 use wheelarm_planning::leaf_push::{NoPush, PushShape, PushStop, PushingChair};
 use wheelarm_proto::v1::Phase;
 
+use super::base_search::ARM_CHECKS;
 use super::motion::{Motion, Progress};
 use super::{Act, Now, Skill, Step};
 use crate::base_placement;
@@ -19,7 +21,7 @@ const TRIES: usize = 3;
 /// Overlap of the legs along the arc: the hand does not stop between them.
 const OVERLAP: f64 = 0.5;
 
-/// Base placements that are looked for: the chair has no path to some.
+/// Most base placements that are searched; the chair has no path to some of them.
 const STOPS: usize = 24;
 
 /// See the module.
@@ -47,8 +49,8 @@ fn way(now: &Now<'_>, slide: usize, shape: &PushShape) -> Option<Vec<Isometry3<f
     Some(leaf.way(&now.scene.hand.closed(), shape, [angle, aim]))
 }
 
-/// Base placements from which the arm pushes the goal's door shut, as sampling of the scene
-/// finds them.
+/// Base placements from which the arm pushes the goal's door shut, by the search that sampling
+/// of the scene uses.
 ///
 /// # Errors
 /// Why there is none. [`NoPush::NoFace`] also of goals that close no door on a hinge.
@@ -65,11 +67,16 @@ pub(super) fn stops(
     let angle = now.observation.slides.get(slide).copied();
     let around = grasp_candidate::around_door(now.scene, item, now.poses);
     let from = now.observation.base_from_tool;
-    let (hand, reach) = (now.scene.hand.closed(), &mut *now.reach);
-    let mut reaches = |poses: &[Isometry3<f64>]| base_placement::reaches(&from, poses, &mut *reach);
+    let hand = now.scene.hand.closed();
+    let (reach, checks) = (&mut *now.reach, &mut now.memory.arm_checks);
+    let mut reaches = |poses: &[Isometry3<f64>]| {
+        *checks += 1;
+        *checks <= ARM_CHECKS && base_placement::reaches(&from, poses, &mut *reach)
+    };
+    let [nearest, furthest] = now.scene.arm_range;
     let mut chair = PushingChair {
         mount: now.scene.chair_from_base,
-        range: now.scene.arm_range,
+        range: [nearest, furthest.min(FURTHEST)],
         hand: &hand,
         is_stop,
         reaches: &mut reaches,

@@ -2,14 +2,17 @@
 //!
 //! The hand takes the handle and moves along the arc to 45°, or straight to 0.20 m. Every pose
 //! on the way must be in the reach map, from one stop of the chair that the leaf does not touch
-//! on its way. A leaf that turns must not meet walls or furniture. As that of the scripted operator, the hand may lean, and turn about the handle.
+//! on its way. A leaf that turns must not meet walls or furniture. As that of the scripted
+//! operator, the hand may lean, and turn about the handle.
+
+use std::f64::consts::FRAC_PI_4;
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use serde::Serialize;
 use wheelarm_planning::arm_access::leans;
 use wheelarm_planning::footprint_check::{Pose2, Rectangle, wrap};
 use wheelarm_planning::handle::LAGS;
-use wheelarm_planning::hinged_leaf::HingedLeaf;
+use wheelarm_planning::hinged_leaf::{BEYOND, HingedLeaf};
 use wheelarm_planning::obb::Obb;
 use wheelarm_planning::reach_map::HandPlace;
 use wheelarm_proto::exact;
@@ -176,7 +179,10 @@ fn swings_free(home: &Home, leaf: &Leaf) -> bool {
     let others = home.solids.iter();
     let others = others.filter(|solid| !own.contains(&Some(solid.owner)));
     leaf.motion == JointMotion::Slides
-        || hinged.swings_free_of(OPEN, others.map(|solid| (solid.outline, solid.heights)))
+        || hinged.swings_free_of(
+            FRAC_PI_4 + BEYOND,
+            others.map(|solid| (solid.outline, solid.heights)),
+        )
 }
 
 /// A point of the floor before a handle: the handle itself may be in no room.
