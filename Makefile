@@ -151,19 +151,20 @@ lints:
 	sleep $(LINTS_AFTER); log=$$($(LINT_UNITS) RUSTC_WRAPPER="$(CURDIR)/scripts/lint.sh" $(ALONE) nice -n 19 \
 		$(CARGO) build --release --workspace $(WITHOUT_LEARN) $(LINT_TARGETS) 2>&1) || { printf '%s\n' "$$log"; exit 1; }
 
-# Tests of one crate mostly compute, and the suites beside them mostly wait for servers.
+# Unit tests compute, and the suites beside them mostly wait for servers. Both name all packages:
+# another selection has other features, and compiles them again.
 unit-suites: export WHEELARM_NO_SKIPS = 1
 unit-suites: export WHEELARM_CACHE = $(if $(filter /%,$(BUILT)),$(BUILT),$(CURDIR)/$(BUILT))/test-cache-units
 unit-suites:
 	rm -rf "$(WHEELARM_CACHE)"
-	RUST_TEST_THREADS=$(TEST_THREADS) $(ALONE) nice -n 5 $(CARGO) test --release --workspace $(WITHOUT_LEARN) --exclude wheelarm-tests --tests
+	RUST_TEST_THREADS=$(TEST_THREADS) $(ALONE) nice -n 5 $(CARGO) test --release --workspace $(WITHOUT_LEARN) --lib --bin wheelarm-dataset
 
 suites: export WHEELARM_NO_SKIPS = 1
 # Entries of other builds must not affect tests.
 suites: export WHEELARM_CACHE = $(if $(filter /%,$(BUILT)),$(BUILT),$(CURDIR)/$(BUILT))/test-cache
 suites:
 	rm -rf "$(WHEELARM_CACHE)"
-	RUST_TEST_THREADS=$(TEST_THREADS) $(ALONE) $(CARGO) test --release -p wheelarm-tests --tests
+	RUST_TEST_THREADS=$(TEST_THREADS) $(ALONE) $(CARGO) test --release --workspace $(WITHOUT_LEARN) --test '*'
 
 python-suite: export WHEELARM_NO_SKIPS = 1
 python-suite: export WHEELARM_CACHE = $(if $(filter /%,$(BUILT)),$(BUILT),$(CURDIR)/$(BUILT))/test-cache-python

@@ -313,6 +313,38 @@ fn client_packages_name_only_lower_ones() {
     assert_eq!(found.len(), CLIENTS.len(), "{found:?}");
 }
 
+/// `make unit-suites` names the programs with tests of their own; the others declare that they
+/// have none.
+#[test]
+fn unit_suites_name_every_program_with_tests() {
+    let make = fs::read_to_string(root().join("Makefile")).expect("a Makefile");
+    let suites = make.split("\nunit-suites:\n").nth(1).expect("a target");
+    let suites = suites.split("\n\n").next().unwrap_or_default();
+    let mut named = 0;
+    for folder in ["server", "client", "proto", "tests"] {
+        for manifest in list(folder, "Cargo.toml") {
+            let is_separate = ["client/learn", "tests/fuzz"]
+                .iter()
+                .any(|other| manifest.starts_with(root().join(other)));
+            let text = fs::read_to_string(&manifest).expect("a manifest");
+            let table: toml::Table = text.parse().expect("TOML");
+            let programs = table.get("bin").and_then(toml::Value::as_array);
+            let declared = programs.map_or(&[][..], Vec::as_slice);
+            let package = manifest.parent().expect("a folder");
+            let is_implicit = declared.is_empty() && package.join("src/main.rs").exists();
+            assert!(!is_implicit, "{} declares no [[bin]]", manifest.display());
+            for program in declared.iter().filter(|_| !is_separate) {
+                let is_tested = program.get("test").and_then(toml::Value::as_bool) != Some(false);
+                let name = program["name"].as_str().expect("a name");
+                let is_named = suites.contains(&format!("--bin {name}"));
+                assert_eq!(is_tested, is_named, "{name} in `make unit-suites`");
+                named += usize::from(is_named);
+            }
+        }
+    }
+    assert!(named > 0, "no program with tests");
+}
+
 /// The default members are the programs of `make demo`, without tests.
 #[test]
 fn default_members_are_the_programs_of_the_demo() {
