@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 
 use nalgebra::{Isometry3, Translation3};
 
-use super::{Now, bring, lift, place, push, tuck};
+use super::{ARM_CHECKS, Now, bring, lift, place, push, tuck};
 use crate::base_placement::{self, BasePlacement, GENTLE};
 use crate::demonstration::adapt;
 use crate::drive::Drive;
@@ -47,10 +47,6 @@ const SPACING: f64 = 0.04;
 /// Nodes of all path searches after which a base search ends: two complete ones. Where the
 /// floor map shows a way, but the chair has no path, more placements rarely have one.
 const NODES: usize = 90_000;
-
-/// Checks of the arm after which planning a drive ends, with all its base searches: each that
-/// fails takes the server some 3 ms. Without a bound, a plan took more than 60 s.
-pub(super) const ARM_CHECKS: usize = 5_000;
 
 /// Levels of requirements for the goal.
 fn levels(now: &Now<'_>) -> usize {

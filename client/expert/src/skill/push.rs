@@ -6,9 +6,8 @@ use wheelarm_planning::footprint_check::Pose2;
 use wheelarm_planning::leaf_push::{NoPush, PushShape, PushStop, PushingChair};
 use wheelarm_proto::v1::Phase;
 
-use super::base_search::ARM_CHECKS;
 use super::motion::{Motion, Progress};
-use super::{Act, Now, Skill, Step};
+use super::{ARM_CHECKS, Act, Now, Skill, Step};
 use crate::base_placement;
 use crate::goal::Goal;
 use crate::grasp_candidate::{self, GraspCandidate};
