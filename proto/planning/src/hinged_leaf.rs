@@ -47,7 +47,7 @@ impl HingedLeaf {
 
     /// Whether the door turns up to an angle without meeting boxes of `around`, which has neither
     /// the door nor what carries it. What it touches when it is closed may overlap it by
-    /// [`TOUCH`].
+    /// 12 mm.
     #[must_use]
     pub fn swings_free(&self, angle: f64, around: &[Obb]) -> bool {
         let around = around.iter().map(|obb| (obb.rectangle(), obb.heights()));
