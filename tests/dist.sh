@@ -167,8 +167,8 @@ check_deb() {
     system bookworm minbase || return 0
     local root=$work/deb file
     copy_of "$chroots/bookworm-minbase" "$root"
-    cp "$deb" "$root/tmp/wheelarm.deb"
-    online "$root" sh -c 'apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --install-recommends /tmp/wheelarm.deb' \
+    cp "$deb" "$root/opt/wheelarm.deb"
+    online "$root" sh -c 'apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --install-recommends /opt/wheelarm.deb' \
         >"$work/apt.log" 2>&1 || die "apt install: $(tail -n 5 "$work/apt.log")"
     for file in bin/wheelarm bin/wheelarm-server bin/wheelarm-worker bin/wheelarm-dataset share/man/man1/wheelarm-demo.1.gz \
         share/man/man1/wheelarm-server.1.gz share/bash-completion/completions/wheelarm \

@@ -571,15 +571,6 @@ mod tests {
         }
     }
 
-    fn obb(from: [f64; 3], to: [f64; 3]) -> Obb {
-        let [from, to] = [from, to].map(Vector3::from);
-        Obb {
-            pose: Translation3::from((from + to) / 2.0).into(),
-            half: (to - from) / 2.0,
-            round: false,
-        }
-    }
-
     fn hand() -> ClosedHand {
         let palm = [-0.165, -0.06, 0.0, 0.03, 0.07].map(|z| Ball {
             centre: Vector3::z() * z,
@@ -662,33 +653,33 @@ mod tests {
     fn corner_of_a_door_beside_a_wall_stops_it() {
         // The face is 41 mm before the hinge, and the wall 30 mm beside it.
         let door = HingedLeaf {
-            boxes: vec![obb([-0.009, -0.041, 0.0], [0.787, 0.003, 0.8])],
+            boxes: vec![Obb::between([-0.009, -0.041, 0.0], [0.787, 0.003, 0.8])],
             ..door()
         };
-        let wall = obb([-0.3, -2.0, 0.0], [-0.0305, 1.0, 2.5]);
+        let wall = Obb::between([-0.3, -2.0, 0.0], [-0.0305, 1.0, 2.5]);
         assert!(door.swings_free(0.58, &[wall]));
         assert!(!door.swings_free(0.80, &[wall]));
         assert!(door.swings_free(1.2, &[]));
         // What it meets when it is closed does not count.
-        let frame = obb([0.1, -0.02, 0.0], [0.3, 0.1, 2.0]);
+        let frame = Obb::between([0.1, -0.02, 0.0], [0.3, 0.1, 2.0]);
         assert!(door.swings_free(1.2, &[frame]));
         // But what it only touches then counts where it turns into it.
-        let touched = obb([-0.3, -0.6, 0.0], [-0.005, 1.0, 2.5]);
+        let touched = Obb::between([-0.3, -0.6, 0.0], [-0.005, 1.0, 2.5]);
         assert!(!door.swings_free(1.2, &[touched]));
-        let beside = obb([0.783, -0.03, 0.0], [1.4, 0.5, 0.8]);
+        let beside = Obb::between([0.783, -0.03, 0.0], [1.4, 0.5, 0.8]);
         assert!(door.swings_free(1.2, &[beside]));
     }
 
     #[test]
     fn door_behind_a_wall_is_refused_with_the_reason() {
         // Beside the free edge, between the door and the room.
-        let near = obb([-2.0, -0.5, 0.0], [2.0, -0.38, 2.5]);
+        let near = Obb::between([-2.0, -0.5, 0.0], [2.0, -0.38, 2.5]);
         assert_eq!(placements(&[near]), Err(NoPush::Covered));
         // Furniture up to the face.
-        let full = obb([-2.0, -2.0, 0.0], [2.0, -0.02, 2.5]);
+        let full = Obb::between([-2.0, -2.0, 0.0], [2.0, -0.02, 2.5]);
         assert_eq!(placements(&[full]), Err(NoPush::NoRoomForHand));
         // Further away it leaves no floor from which the arm reaches the door.
-        let far = obb([-3.0, -1.3, 0.0], [3.0, -0.8, 2.5]);
+        let far = Obb::between([-3.0, -1.3, 0.0], [3.0, -0.8, 2.5]);
         assert_eq!(placements(&[far]), Err(NoPush::NoFloor));
         // A flap has no upright hinge.
         let flap = HingedLeaf {

@@ -1,6 +1,6 @@
 //! Oriented bounding boxes (OBB), some of them cylinders: objects for a planner.
 
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use wheelarm_proto::exact;
 
 use super::footprint_check::Rectangle;
@@ -17,6 +17,17 @@ pub struct Obb {
 }
 
 impl Obb {
+    /// A box along the axes between two opposite corners, the lower one first.
+    #[must_use]
+    pub fn between(from: [f64; 3], to: [f64; 3]) -> Self {
+        let [from, to] = [from, to].map(Vector3::from);
+        Self {
+            pose: Translation3::from((from + to) / 2.0).into(),
+            half: (to - from) / 2.0,
+            round: false,
+        }
+    }
+
     /// Distance from `point` to the surface; 0 inside, metres.
     #[must_use]
     pub fn distance(&self, point: &Point3<f64>) -> f64 {

@@ -155,7 +155,7 @@ pub(super) fn choose_angle(
 mod tests {
     use std::path::PathBuf;
 
-    use nalgebra::{Translation3, Vector3};
+    use nalgebra::Vector3;
     use wheelarm_planning::leaf_push::PushStop;
 
     use super::super::floor::outlines;
@@ -180,22 +180,13 @@ mod tests {
         }
     }
 
-    fn obb(from: [f64; 3], to: [f64; 3]) -> Obb {
-        let [from, to] = [from, to].map(Vector3::from);
-        Obb {
-            pose: Translation3::from((from + to) / 2.0).into(),
-            half: (to - from) / 2.0,
-            round: false,
-        }
-    }
-
     /// Placements before the cupboard, which has further boxes around it.
     fn placements(leaf: &HingedLeaf, others: &[Obb]) -> Result<Vec<PushStop>, NoPush> {
         let assets = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../assets");
         let model = RobotModel::load(&assets, "wheelarm").expect("the robot");
         let arm = PushingArm::new(&model);
         let mut check = FootprintCheck::from_outlines(outlines(&model.settings.outlines));
-        let cupboard = obb([-2.0, 0.021, 0.0], [2.0, 0.5, 1.2]);
+        let cupboard = Obb::between([-2.0, 0.021, 0.0], [2.0, 0.5, 1.2]);
         let around = [&[cupboard], others].concat();
         for obb in leaf.boxes_at(OPEN).iter().chain(&around) {
             check.put(obb.rectangle(), obb.heights());
@@ -215,7 +206,7 @@ mod tests {
         let stops = placements(&door(0.4), &[]).expect("placements");
         assert_eq!(stops.len(), 3);
         // A wall 0.7 m before the cupboard leaves none, and an upper cabinet is too high.
-        let wall = obb([-2.0, -0.8, 0.0], [2.0, -0.7, 2.5]);
+        let wall = Obb::between([-2.0, -0.8, 0.0], [2.0, -0.7, 2.5]);
         assert_eq!(placements(&door(0.4), &[wall]), Err(NoPush::NoFloor));
         assert_eq!(placements(&door(1.3), &[]), Err(NoPush::NoFace));
     }

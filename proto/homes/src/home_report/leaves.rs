@@ -414,15 +414,6 @@ fn segment(a: [f64; 2], b: [f64; 2]) -> Rectangle {
 mod tests {
     use super::*;
 
-    fn obb(from: [f64; 3], to: [f64; 3]) -> Obb {
-        let [from, to] = [from, to].map(Vector3::from);
-        Obb {
-            pose: Translation3::from((from + to) / 2.0).into(),
-            half: (to - from) / 2.0,
-            round: false,
-        }
-    }
-
     #[test]
     fn leaf_beside_a_wall_is_blocked_and_its_carrier_does_not_block_it() {
         // A door of 0.5 m before a cupboard, whose hinge is 5 cm before its boards.
@@ -434,7 +425,7 @@ mod tests {
             axis: -Vector3::z_axis(),
             travel: 1.5,
             grasps: Vec::new(),
-            boxes: vec![obb([-0.04, -0.02, 0.4], [0.5, 0.0, 1.1])],
+            boxes: vec![Obb::between([-0.04, -0.02, 0.4], [0.5, 0.0, 1.1])],
         };
         let solids = |others: &[(Owner, Obb)]| Home {
             solids: others
@@ -443,17 +434,26 @@ mod tests {
                 .collect(),
             ..Home::default()
         };
-        let cupboard = obb([-0.1, 0.01, 0.0], [0.6, 0.5, 1.2]);
+        let cupboard = Obb::between([-0.1, 0.01, 0.0], [0.6, 0.5, 1.2]);
         let door = leaf.boxes[0];
         let own = [(Owner::Piece(0), cupboard), (Owner::Piece(1), door)];
         assert!(swings_free(&solids(&own), &leaf));
         // The door's far corner is 0.35 m before the cupboard when it is open by 45°.
-        let wall = (Owner::Building, obb([0.3, -1.0, 0.0], [0.6, -0.25, 2.5]));
+        let wall = (
+            Owner::Building,
+            Obb::between([0.3, -1.0, 0.0], [0.6, -0.25, 2.5]),
+        );
         assert!(!swings_free(&solids(&[own[0], own[1], wall]), &leaf));
-        let far = (Owner::Building, obb([0.3, -1.5, 0.0], [0.6, -0.6, 2.5]));
+        let far = (
+            Owner::Building,
+            Obb::between([0.3, -1.5, 0.0], [0.6, -0.6, 2.5]),
+        );
         assert!(swings_free(&solids(&[own[0], own[1], far]), &leaf));
         // It does not meet what is above it.
-        let above = (Owner::Piece(2), obb([0.0, -0.4, 1.2], [0.5, 0.5, 1.8]));
+        let above = (
+            Owner::Piece(2),
+            Obb::between([0.0, -0.4, 1.2], [0.5, 0.5, 1.8]),
+        );
         assert!(swings_free(&solids(&[own[0], own[1], above]), &leaf));
     }
 }
